@@ -15,7 +15,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-PACKAGE = Path(__file__).parents[1] / "src" / "flexarm_bringup" / "flexarm_bringup"
+_ROOT = Path(__file__).parents[1]
+PACKAGE = _ROOT / "src" / "flexarm_bringup" / "flexarm_bringup"
+PACKAGES = {PACKAGE.name: PACKAGE, "bench": _ROOT / "bench"}
+"""Packages in which options of a verb stand."""
 HELP = {"-h", "--help"}
 HANDS_ON = ("RUN_ON", "ignore_unknown_options")
 """What a verb says that hands its words on to another program."""
@@ -29,12 +32,14 @@ def main() -> str:
         kind = "option" if verb.startswith("-") else "verb"
         return f"no {kind} {verb}{nearest(verb, places)}: ./flexarm --help lists the verbs"
     module, _, function = places[verb].partition(":")
-    file = PACKAGE / "verbs" / f"{module.replace('.', '/')}.py"
+    file = verb_file = PACKAGE / "verbs" / f"{module.replace('.', '/')}.py"
     if verb == "bench" and words and not words[0].startswith("-"):
         benches = {"all", *(name for name, *_ in assigned(file, "_BENCHES"))}
         if words[0] not in benches:
             return f"no bench {words[0]}{nearest(words[0], benches)}: ./flexarm bench --help"
-    if hands_on(file, function):
+        # A bench has options of its own.
+        file = next(PACKAGES["bench"].glob(f"*/{words[0]}.py"), file)
+    if file is verb_file and hands_on(file, function):
         return ""
     known = HELP.union(*map(options, {file, *imported(file, set())}))
     for word in words:
@@ -77,10 +82,13 @@ def options(file: Path) -> Iterator[str]:
 
 
 def imported(file: Path, seen: set[Path]) -> set[Path]:
-    """Return the files of the package that a file imports, which may define options of a verb."""
+    """Return the files of our packages that a file imports, which may define options of a verb."""
     for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGE.name):
-            path = PACKAGE.joinpath(*(node.module or "").split(".")[1:]).with_suffix(".py")
+        if isinstance(node, ast.ImportFrom):
+            package, *inner = (node.module or "").split(".")
+            if package not in PACKAGES:
+                continue
+            path = PACKAGES[package].joinpath(*inner).with_suffix(".py")
             if path.is_file() and path not in seen:
                 seen.add(path)
                 imported(path, seen)

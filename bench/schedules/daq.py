@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from bench.schedules.messages import STATE, Raw, State, state_bytes
 from bench.schedules.oracle import Oracle
 from bench.schedules.processes import Killed, Process
+from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.limiter import Limiter
 from flexarm_daq.loop.sensor_check import SensorCheck
@@ -178,7 +179,8 @@ class Daq(Process):
         if record.sequence == 1:
             self._start_ns = record.start_ns(self.world.wall_ns(), self.world.now_s)
         stamp_ns = self._start_ns + round(record.time_s * 1e9)
-        state = State(record.sequence, stamp_ns, volts)
+        drive = DriveCommand(record.command_v, record.compensation_v)
+        state = State(record.sequence, stamp_ns, volts, drive)
         for link in self._readers:
             link.send(state)
         raw = state_bytes(record, volts, stamp_ns)

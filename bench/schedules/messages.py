@@ -11,6 +11,7 @@ from flexarm_bags.metadata import RecordedTopic
 from flexarm_bags.schema import describe, load_typestore
 
 if TYPE_CHECKING:
+    from flexarm_control.laws.law_protocol import DriveCommand
     from flexarm_daq.loop.commander import Command
     from flexarm_daq.loop.exchange import Record
 
@@ -37,6 +38,7 @@ class State(NamedTuple):
     sequence: int
     stamp_ns: int
     volts: list[float]
+    drive: DriveCommand
 
 
 class Answer(NamedTuple):

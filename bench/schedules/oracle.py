@@ -77,6 +77,9 @@ class Oracle:
         self._reign: Answer | None = None
         self._has_rival = False
         self._senders: set[str] = set()
+        self._numbers: dict[str, int] = {}
+        self._miscounts = False
+        self._once: tuple[str, int] | None = None
 
     def on_read(self) -> None:
         """Note the drive while a sample is taken."""
@@ -226,12 +229,26 @@ class Oracle:
         accepted = self._accepted() > accepted_before
         reign = self._reign
         self._senders.add(answer.sender)
+        self._check_number(answer, accepted=accepted)
         if reign is not None and self.loop.safety.driving:
             self._check_commanders(reign, answer, accepted=accepted)
         conflicts = self.loop.safety.counts[Event.TWO_COMMANDERS]
-        self._require(not conflicts or len(self._senders) > 1, "two commanders, but there is one")
+        is_one = len(self._senders) == 1 and not self._miscounts
+        self._require(not conflicts or not is_one, "two commanders, but there is one")
         if accepted:
             self._reign = answer
+
+    def _check_number(self, answer: Answer, *, accepted: bool) -> None:
+        """Check that a sender that repeats a number is obeyed once."""
+        sender, number = answer.sender, answer.command.sequence
+        self._miscounts |= self._numbers.get(sender) == number
+        self._numbers[sender] = number
+        repeats = self._once == (sender, number)
+        self._require(not (accepted and repeats), f"{sender} is obeyed again with number {number}")
+        if accepted:
+            self._once = sender, number
+        elif not repeats:
+            self._once = None
 
     def _check_commanders(self, reign: Answer, answer: Answer, *, accepted: bool) -> None:
         command = answer.command

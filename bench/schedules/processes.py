@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from random import Random
 from typing import TYPE_CHECKING
 
 from bench.schedules.messages import COMMAND, COMMANDER, Answer, Raw, command_bytes, commander_bytes
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from bench.schedules.world import Link, World
 
 _EXPERIMENT_V = 3.0
+# Share of the commands that repeat the number before, and of those that a silence follows.
+_REPEATED = 0.6
+_SILENT = 0.6
 # A set-point that never lets the arm rest, so that the drive is at zero only when it is set there.
 _RESTLESS = {"amplitude_v": 3.0, "period_s": 0.7}
 
@@ -83,7 +87,7 @@ class Law:
         """Return effort and compensation, V."""
         self._handover.replace(self._law)
         self._rate.add(state.stamp_ns)
-        return self._handover.step(state.volts, self._profile(time_s))
+        return self._handover.step(state.volts, self._profile(time_s), state.drive)
 
 
 class Waveform:
@@ -136,6 +140,9 @@ class Commander(Process):
         self._count = AnswerCount()
         self._before = count
         self._waiting: State | None = None
+        self._random = Random(sender)  # noqa: S311 - not for secrets
+        self._repeats_until_s = self._silent_until_s = -math.inf
+        self._silence_s = 0.0
 
     def declare(self, tell: Callable[[Raw], None]) -> None:
         """Tell a recorder which commander is active."""
@@ -144,6 +151,10 @@ class Commander(Process):
             now_ns, self._sender, self.work.name, uses_outputs=self.work.uses_outputs
         )
         tell(Raw(COMMANDER, raw, now_ns, self.world.now_s))
+
+    def repeat(self, silence_s: float, length_s: float) -> None:
+        """Repeat numbers for a while, and be silent after each command."""
+        self._silence_s, self._repeats_until_s = silence_s, self.world.now_s + length_s
 
     def receive(self, state: State) -> None:
         """Take a sample: the newest one waits until the process runs."""
@@ -162,7 +173,9 @@ class Commander(Process):
             self.receive(state)
 
     def _answer(self, state: State) -> None:
-        count = self._count
+        count, repeats = self._count, self.world.now_s < self._repeats_until_s
+        if self.world.now_s < self._silent_until_s:
+            return
         if not count.is_new(state.sequence, state.stamp_ns):
             return
         if count.begins(state.sequence, state.stamp_ns):
@@ -171,7 +184,11 @@ class Commander(Process):
             state, (state.stamp_ns - count.run_start_ns) * 1e-9
         )
         now_ns = self.world.wall_ns()
-        number = self._before + count.next()
+        if repeats and self._random.random() < _REPEATED:
+            self._before -= 1
+        if repeats and self._random.random() < _SILENT:
+            self._silent_until_s = self.world.now_s + self._silence_s
+        number = max(0, self._before + count.next())
         command = Command(number, state.sequence, effort_v, compensation_v, now_ns)
         self._to_daq.send(Answer(self._sender, command))
         self._to_recorder.send(Raw(COMMAND, command_bytes(command), now_ns, self.world.now_s))

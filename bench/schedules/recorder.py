@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 _IDLE_S: Final = 0.1
 _DRAIN_S: Final = 5.0
 _QUIET_S: Final = 0.5
+# A backlog is read in parts of what is left of it.
+_PORTIONS: Final = 4
+_LEAST_PORTION: Final = 8
 
 
 class Disk:
@@ -152,6 +155,8 @@ class Recorder(Process):
         One per bag.
     disk : Disk
         Its disk.
+    portion_s : float
+        Time in which it reads a part of what has come while it stood still, s; 0: all at once.
     """
 
     def __init__(self, world: World, folder: Path) -> None:
@@ -159,6 +164,7 @@ class Recorder(Process):
         self.ledgers: list[Ledger] = []
         self.latched: Raw | None = None
         self.disk = Disk()
+        self.portion_s = 0.0
         self._folder = folder
         self._bags = 0
         self._recording = Recording(TOPICS, TOPICS[:1], quiet_s=_QUIET_S)
@@ -171,7 +177,7 @@ class Recorder(Process):
         free = self.disk.free
         self.alive, self.disk, self._waiting = True, Disk(), []
         self.disk.free = free
-        self.stalled_until_s = -math.inf
+        self.stalled_until_s, self.portion_s = -math.inf, 0.0
         self._recording = Recording(TOPICS, TOPICS[:1], quiet_s=_QUIET_S)
         self.open()
         if self.latched is not None:
@@ -210,7 +216,7 @@ class Recorder(Process):
         """Take a message: messages wait until the process runs."""
         if not self.alive:
             return
-        if self.stalled:
+        if self.stalled or self._waiting:
             if not self._waiting:
                 self.world.at(self.stalled_until_s, self._resume)
             self._waiting.append(message)
@@ -232,9 +238,15 @@ class Recorder(Process):
         if self.stalled:
             self.world.at(self.stalled_until_s, self._resume)
             return
-        messages, self._waiting = self._waiting, []
+        most = len(self._waiting)
+        if self.portion_s:
+            most = max(_LEAST_PORTION, math.ceil(most / _PORTIONS))
+            self.world.at(self.world.now_s + self.portion_s, self._resume)
+        messages, self._waiting = self._waiting[:most], self._waiting[most:]
         if self.alive and messages:
             self._work(messages)
+        if not self._waiting:
+            self.portion_s = 0.0
 
     def _idle(self, disk: Disk) -> None:
         """Wake up without a message."""
@@ -263,6 +275,8 @@ class Recorder(Process):
         if self._recording.ending and self.world.now_s < self._drain_until_s:
             return
         if self._recording.writer is not None:
+            # What it has not read is none the less there.
+            self.ledgers[-1].handed += [(each, self.world.now_s) for each in self._waiting]
             self._note_end("closed", self._recording.close())
 
     def _note_end(self, end: str, claim: str) -> None:

@@ -179,6 +179,16 @@ _DRAWN: Final[Mapping[str, Callable[[Random], tuple[str, float, float]]]] = {
     ),
     "sensor": _sensor,
     "record": lambda random: ("recorder", 0.0, _length_s(random)),
+    "backlog": lambda random: (
+        "recorder",
+        round(random.uniform(0.02, 0.3), 3),
+        round(random.uniform(0.3, 1.5), 3),
+    ),
+    "repeat": lambda random: (
+        random.choice(("controller", "controller", "rival")),
+        random.choice((0.0, round(random.uniform(0.05, 0.5), 3))),
+        round(random.uniform(0.3, 2.5), 3),
+    ),
     "disk": lambda random: ("recorder", float(random.randint(0, 40_000)), _length_s(random)),
     "wall": lambda random: (
         "",

@@ -14,7 +14,7 @@ from bench.schedules.daq import Daq
 from bench.schedules.oracle import Violation
 from bench.schedules.processes import Commander, Law, Waveform
 from bench.schedules.recorder import Recorder
-from bench.schedules.schedule import LENGTH_S
+from bench.schedules.schedule import LENGTH_S, QUIET_S
 from bench.schedules.world import Link, World
 from flexarm_control.laws.registry import LAWS
 from flexarm_daq.loop.safety import DriveState
@@ -246,6 +246,21 @@ def _record(graph: Simulation, event: Event) -> None:
     graph.world.at(graph.world.now_s + event.length_s, graph.recorder.open)
 
 
+def _end_with_backlog(graph: Simulation, event: Event) -> None:
+    """Ask for the end of a bag while the recorder stands still, before it reads what has come."""
+    recorder, world = graph.recorder, graph.world
+    recorder.stall(event.length_s)
+    recorder.portion_s = event.value
+    world.at(recorder.stalled_until_s, recorder.close)
+    world.at(LENGTH_S - QUIET_S, recorder.open)
+
+
+def _repeat(graph: Simulation, event: Event) -> None:
+    commander = graph.commanders.get(event.target)
+    if commander is not None:
+        commander.repeat(event.value, event.length_s)
+
+
 def _fill_disk(graph: Simulation, event: Event) -> None:
     graph.recorder.disk.free = event.value
     graph.world.at(graph.world.now_s + event.length_s, _empty_disk, graph)
@@ -274,6 +289,8 @@ ACTS: Final = {
     "law": _change_law,
     "rival": _rival,
     "record": _record,
+    "backlog": _end_with_backlog,
+    "repeat": _repeat,
     "disk": _fill_disk,
     "wall": _set_wall_clock,
 }

@@ -84,6 +84,7 @@ class ControlledRun:
             sequence=numbers,
             stamps_ns=START_NS + (numbers - 1) * PERIOD_NS,
             volts=np.array([outputs(k) for k in range(samples)]),
+            drive=np.zeros((samples, 2)),
             command_sequence=np.array([answer[0] for answer in self.answers]),
             answered=np.array([answer[1] - 1 for answer in self.answers]),
             answers=np.array([answer[2:] for answer in self.answers]),

@@ -32,7 +32,8 @@ def test_record_from_mid_run___with_changes_and_a_second_activation___replays_to
     graph.node.create_subscription(LawInForce, "law", told.append, qos.EVERY)
     graph.start("recorder")
     graph.start("controller", {"law": "pi"})
-    graph.start("daq", {"real_time_factor": 5.0})
+    # The gate cuts, which the laws hear.
+    graph.start("daq", {"real_time_factor": 5.0, "max_command_v": 0.3})
     graph.activate_loop()
     graph.operator.start_sampling()
 

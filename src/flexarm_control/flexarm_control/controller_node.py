@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from std_msgs.msg import Float64
 
+from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.laws.switching import Handover
 from flexarm_control.loop_setup import MODEL_CHOICES, PARAMETERS, TOPIC, Setup
 from flexarm_control.models.chosen_model import PREFIX, ModelChoices
@@ -166,7 +167,8 @@ class ControllerNode(AnsweringNode):
         if setup.profile is not None:
             self._reference_v = reference_v = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
         volts = (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v)
-        return self._handover.step(volts, reference_v)
+        drive = DriveCommand(state.command_v, state.compensation_v)
+        return self._handover.step(volts, reference_v, drive)
 
     def before_command(self, taken_ns: int) -> None:
         """Publish the reference of a built-in profile: in virtual time the command ends the sample.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
 import numpy as np
 
 from flexarm_control.design.criteria import step_figures
+from flexarm_control.laws.law_protocol import DriveCommand
+from flexarm_control.laws.switching import Handover
 from flexarm_control.models.arm_model import check_arm_model, check_no_feedthrough
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.labels import axis_label
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     import control
     from numpy.typing import NDArray
 
-    from flexarm_control.laws.law_protocol import Effort, Law
+    from flexarm_control.laws.law_protocol import Effort, Law, LawWithMemory
     from flexarm_core.arrays import FloatArray
 
 
@@ -137,7 +139,8 @@ def simulate(
     reference_v : ndarray, (samples,)
         Reference at every sample, V.
     acting_v : callable
-        Command of the drive for an answer of the law, V; by default the sum of its parts (4-6).
+        Command of the drive for an answer of the law, V, which the law hears; by default the sum of
+        its parts (4-6).
     true_outputs : callable, optional
         Function that returns the outputs without noise, V, (4,); called after every reading.
 
@@ -151,18 +154,36 @@ def simulate(
     FlexarmError
         When the rig cannot be opened, read or written.
     """
+
+    def acting(answer: Effort) -> DriveCommand:
+        return DriveCommand(acting_v(answer), answer.compensation_v)
+
+    return _run(rig, law, reference_v, acting, true_outputs)
+
+
+def _run(
+    rig: Rig,
+    law: Law,
+    reference_v: FloatArray,
+    acting: Callable[[Effort], DriveCommand],
+    true_outputs: Callable[[], FloatArray] | None = None,
+) -> LoopRun:
+    """Run a law on a rig; see `simulate`."""
     samples = len(reference_v)
     time_s, y, answers = np.empty(samples), np.empty((samples, 4)), np.empty((samples, 2))
     true_y = np.empty((samples, 0 if true_outputs is None else 4))
     rig.open()
     law.reset()
+    # Nobody asks for its memory.
+    loop, drive = Handover(cast("LawWithMemory", law)), None
     for k, reference in enumerate(np.asarray(reference_v, dtype=float).tolist()):
         sample = rig.read()
         time_s[k], y[k] = sample.time_s, sample.volts
         if true_outputs is not None:
             true_y[k] = true_outputs()
-        answers[k] = answer = law.step(y[k].tolist(), reference)
-        rig.write(acting_v(answer))
+        answers[k] = answer = loop.step(y[k].tolist(), reference, drive)
+        drive = acting(answer)
+        rig.write(drive.command_v)
     reference_v = np.asarray(reference_v, dtype=float)
     return LoopRun(time_s, y, answers[:, 0], answers[:, 1], reference_v, true_y)
 
@@ -219,4 +240,8 @@ def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) 
     """
     check_arm_model(model)
     check_no_feedthrough(model)
-    return simulate(_ModelRig(model), law, reference_v, acting_v=lambda answer: answer.effort_v)
+
+    def acting(answer: Effort) -> DriveCommand:
+        return DriveCommand(answer.effort_v, 0.0)
+
+    return _run(_ModelRig(model), law, reference_v, acting)

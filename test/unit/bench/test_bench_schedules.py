@@ -28,9 +28,10 @@ from bench.schedules.world import Link, World
 from flexarm_bags.writer import BagWriter
 from flexarm_core.workers import Workers
 from flexarm_daq.loop import limiter
-from flexarm_daq.loop.commander import Command
+from flexarm_daq.loop.commander import Command, Commander, Verdict
 from flexarm_daq.loop.exchange import Record
 from flexarm_daq.loop.watchdog import Watchdog
+from flexarm_daq.nodes.recording import Recording
 from support.bag_samples import START_NS, arm_state, header, serialised
 
 if TYPE_CHECKING:
@@ -39,7 +40,8 @@ if TYPE_CHECKING:
 
 PARTS = 4
 SEEDS = 100
-MOST_EVENTS = 10
+MOST_EVENTS = 12
+QUIET_NS = 500_000_000
 
 
 @pytest.mark.slow
@@ -105,7 +107,62 @@ def test_recorder___that_acknowledges_before_it_writes___is_found(
         flush(self)
 
     monkeypatch.setattr(BagWriter, "_flush", flush_late)
-    assert found(range(53, 55), "messages are kept, the bag has") <= MOST_EVENTS
+    assert found(range(69, 70), "messages are kept, the bag has") <= MOST_EVENTS
+
+
+def test_commander___that_forgets_a_silence_at_the_next_one___is_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def release(self: Commander) -> None:
+        self._silent, self._last, self._has_rival = self._last, None, False
+
+    monkeypatch.setattr(Commander, "release", release)
+    assert found(range(20, 21), "is obeyed again with number") <= MOST_EVENTS
+
+
+def test_commander___that_obeys_a_refused_number_for_ever___is_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    judge = Commander.judge
+
+    def keep_foreign(
+        self: Commander, command: Command, newest: int, *, in_time: bool = True
+    ) -> Verdict:
+        foreign, is_first = self._foreign, self._last is None
+        verdict = judge(self, command, newest, in_time=in_time)
+        if is_first and verdict is Verdict.ACCEPTED:
+            self._foreign = foreign
+        return verdict
+
+    monkeypatch.setattr(Commander, "judge", keep_foreign)
+    assert found(range(8, 9), "is obeyed again with number") <= MOST_EVENTS
+
+
+def test_recorder___that_awaits_recent_topics_alone___is_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    end = Recording.end
+
+    def end_of_recent(self: Recording, now_ns: int) -> None:
+        end(self, now_ns)
+        heard = self._heard_ns
+        self._awaited = {k: ns for k, ns in self._awaited.items() if now_ns - heard[k] < QUIET_NS}
+
+    monkeypatch.setattr(Recording, "end", end_of_recent)
+    assert found(range(7, 8), "that were on their way") <= MOST_EVENTS
+
+
+def test_recorder___whose_wait_a_backlog_does_not_renew___is_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    finish = Recording.finish
+
+    def finish_by_the_end(self: Recording, messages: Sequence[Raw], received_ns: int) -> None:
+        finish(self, messages, received_ns)
+        self._awaited = dict.fromkeys(self._awaited, self._ended_ns)
+
+    monkeypatch.setattr(Recording, "finish", finish_by_the_end)
+    assert found(range(9, 10), "that were on their way") <= MOST_EVENTS
 
 
 def found(seeds: range, what: str) -> int:

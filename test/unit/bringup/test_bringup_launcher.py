@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 from hashlib import sha256
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +17,7 @@ from click.testing import CliRunner
 
 from flexarm_bringup.cli import GROUPS, main
 from flexarm_bringup.console.verb_group import LazyVerbGroup
+from flexarm_bringup.verbs.checkout.bench import _BENCHES
 from support.project import PROJECT
 
 if TYPE_CHECKING:
@@ -149,6 +152,18 @@ def test_wrong_word___before_the_set_up___is_told_and_installs_nothing(
     assert sorted(bare.rglob("*")) == before
 
 
+def checked(*words: str) -> str:
+    """Return what is said of a command before the set-up; nothing when it may be right."""
+    done = subprocess.run(  # noqa: S603 - our own script
+        [sys.executable, "-IS", PROJECT / "bootstrap" / "check_words.py", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert bool(done.stderr) == bool(done.returncode)
+    return done.stderr
+
+
 def options_of(command: click.Command) -> Iterator[str]:
     """Yield the long options of a verb, and of the verbs below it."""
     for each in command.params:
@@ -161,14 +176,32 @@ def options_of(command: click.Command) -> Iterator[str]:
 def test_right_words___before_the_set_up___are_let_through(verb: str) -> None:
     assert isinstance(main, LazyVerbGroup)
     known = {name for name in options_of(main.load(verb)) if name != "--help"}
-    script = PROJECT / "bootstrap" / "check_words.py"
-    done = subprocess.run(  # noqa: S603 - our own script
-        [sys.executable, "-IS", script, verb, "all" if verb == "bench" else "word", "-3", *known],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    assert checked(verb, "all" if verb == "bench" else "word", "-3", *known) == ""
+
+
+PAGES = (*PROJECT.glob("*.md"), *PROJECT.glob("docs/**/*.md"))
+COMMANDS = sorted(
+    {
+        words
+        for page in PAGES
+        for words in re.findall(r"flexarm (bench [a-z][^`#\n|]+)", page.read_text("utf-8"))
+    }
+)
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_bench_of_a_page___before_the_set_up___is_let_through(words: str) -> None:
+    assert checked(*words.split()) == ""
+
+
+@pytest.mark.parametrize("name", [name for name, *_ in _BENCHES])
+def test_options_of_a_bench___before_the_set_up___are_its_own(name: str) -> None:
+    (file,) = PROJECT.glob(f"bench/*/{name}.py")
+    module = import_module(f"bench.{file.parent.name}.{name}")
+    command = getattr(module, "command", module.main)
+    known = {each for each in options_of(command) if each != "--help"}
+    assert checked("bench", name, *known) == ""
+    assert f"bench has no option --{name}s" in checked("bench", name, f"--{name}s")
 
 
 def test_clean___removes_what_the_set_up_made_alone(bare: Path) -> None:

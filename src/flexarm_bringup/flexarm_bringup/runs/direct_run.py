@@ -15,6 +15,8 @@ from flexarm_bringup.graph.processes import HeldDriveError
 from flexarm_bringup.graph.run_figures import Run
 from flexarm_bringup.runs.loop_bag import LoopBag
 from flexarm_bringup.runs.recorded_run import completed_run
+from flexarm_control.laws.law_protocol import DriveCommand
+from flexarm_control.laws.switching import Handover
 from flexarm_control.loop_setup import PARAMETERS, Setup
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.commander import Command
@@ -128,7 +130,8 @@ class _DirectLink:
         self._told_v: float | None = None
         self._told_ns = 0
         self._answer: Command | None = None
-        setup.law.reset()
+        self._law = Handover(setup.law)
+        self._law.reset()
 
     def publish(self, record: Record) -> None:
         """Record one sample, and answer it."""
@@ -144,7 +147,8 @@ class _DirectLink:
         self._bag.add_state(record, taken_ns)
         reference_v = self._profile((taken_ns - self._run_start_ns) * 1e-9)
         self._tell_reference(taken_ns, reference_v)
-        effort_v, compensation_v = self._setup.law.step(record.volts.tolist(), reference_v)
+        drive = DriveCommand(record.command_v, record.compensation_v)
+        effort_v, compensation_v = self._law.step(record.volts.tolist(), reference_v, drive)
         self._answer = Command(
             record.sequence,
             record.sequence,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_control.laws.gains import OptionalCompensation
-from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
+from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited, winds_up
 from flexarm_control.models.arm_model import (
     POSITION,
     SPEED,
@@ -214,6 +214,11 @@ class Observer:
         """Return the effort of the state feedback K_P R - K_C x, V."""
         return self._kp * reference_v - float(np.einsum("i,i", self._kc, self.state))
 
+    def correct(self, missing_v: float) -> None:
+        """Take note that the last effort was another one by so much, V."""
+        if missing_v:
+            self.state += missing_v * self._move[:, self._order]
+
     def move(self, volts: Sequence[float], effort_v: float) -> None:
         """Go on to the next sample with the outputs and the effort of this one, V."""
         known = self._known
@@ -227,8 +232,8 @@ class Observer:
 class Ilqr:
     """Controller of Figure 4-13, one sample at a time.
 
-    The observer starts at rest at the position of the arm. Its input is the effort after
-    saturation, and the sum of the errors is held while the drive is saturated, so neither winds up.
+    The observer starts at rest at the position of the arm. Its input is the effort that is sent,
+    and the sum of the errors is held while a limit cuts the effort, so neither winds up.
     A measurement beyond 100 V is a fault: the answer is zero and the states do not change.
 
     The gains have nine digits, and the observer sums in one order: the same samples give the same
@@ -253,7 +258,7 @@ class Ilqr:
         self._speed = np.array(design.model.C[SPEED])
         self._observer = Observer(design)
         self._started = False
-        self._integral_v = 0.0
+        self._integral_v = self._cut_v = 0.0
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
@@ -271,10 +276,15 @@ class Ilqr:
         feedback_v = float(np.einsum("i,i", design.kc, observer.state))
         effort_v = design.kp * reference_v + design.ki * integral_v - feedback_v
         answer = limited(effort_v, self._compensation_v(effort_v, error_v))
-        if effort_v == answer.effort_v or effort_v * error_v < 0.0:
+        if not winds_up(error_v, effort_v - answer.effort_v, self._cut_v):
             self._integral_v = integral_v
         observer.move(volts, answer.effort_v)
         return answer
+
+    def hear(self, missing_v: float, cut_v: float) -> None:
+        """Hear what became of the last effort; see `HearingLaw.hear`."""
+        self._observer.correct(missing_v)
+        self._cut_v = cut_v
 
     def _compensation_v(self, effort_v: float, error_v: float) -> float:
         """Return the compensation (4-8), V."""
@@ -286,7 +296,7 @@ class Ilqr:
     def reset(self) -> None:
         """Return to the state before the first sample."""
         self._started = False
-        self._integral_v = 0.0
+        self._integral_v = self._cut_v = 0.0
 
     def memory(self) -> Memory:
         """Return observer and sum of the errors; see `LawWithMemory.memory`."""

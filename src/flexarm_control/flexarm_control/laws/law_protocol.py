@@ -8,18 +8,19 @@ effort comes from a measurement or reference that is NaN, infinite or too large 
 three are faults, and zero is the command that adds no energy. The outputs are therefore finite for
 every input.
 
-Every law limits its command to the range of the drive (`limited`).
+Every law limits its command to the range of the drive (`limited`). The gate of the DAQ node may cut
+more: a law whose memory follows from its commands is told what was sent (`HearingLaw`).
 """
 
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from flexarm_core.channels import MAX_COMMAND_V
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from typing import TypeAlias
 
     Memory: TypeAlias = Mapping[str, Sequence[float]]
@@ -63,6 +64,25 @@ def limited(effort_v: float, compensation_v: float = 0.0) -> Effort:
     return Effort(rail_v - compensation_v, compensation_v)
 
 
+def winds_up(error_v: float, cut_v: float, last_cut_v: float) -> bool:
+    """Return whether an error drives an effort further, of which this or the last one was cut."""
+    # Written so that NaN winds up too.
+    return not (cut_v * error_v <= 0.0 and last_cut_v * error_v <= 0.0)
+
+
+class DriveCommand(NamedTuple):
+    """Command that was in force while a sample was taken, as `ArmState` tells it.
+
+    Attributes
+    ----------
+    command_v, compensation_v : float
+        Command of the drive behind all limits, and the part of it that compensates friction, V.
+    """
+
+    command_v: float
+    compensation_v: float
+
+
 class Law(Protocol):
     """Control law as a pure stepper: one call per sample, with all state inside the law."""
 
@@ -92,6 +112,32 @@ class LawWithMemory(Law, Protocol):
 
     def remember(self, memory: Memory) -> None:
         """Go on from a memory of the same law; `memory` may have further groups."""
+
+
+@runtime_checkable
+class HearingLaw(Protocol):
+    """Law whose memory follows from its commands: an observer, or a sum of errors."""
+
+    def hear(self, missing_v: float, cut_v: float) -> None:
+        """Hear before a sample what became of the last answer; both are zero when it was sent.
+
+        Parameters
+        ----------
+        missing_v : float
+            Effort in force at the sample, less the effort that was answered, V.
+        cut_v : float
+            Effort that was asked for in vain, since a limit has cut it off, V; zero when the
+            answer is only late, and the one before was in force.
+        """
+
+
+def hearing(law: Law) -> Callable[[float, float], None]:
+    """Return the `hear` of a law; of one that has none, what does nothing."""
+    return law.hear if isinstance(law, HearingLaw) else _ignore
+
+
+def _ignore(missing_v: float, cut_v: float) -> None:
+    """Do nothing: the law does not remember its commands."""
 
 
 class Memoryless:

@@ -170,8 +170,8 @@ def packaged_designs(weights: LqgWeights) -> tuple[PayloadDesign, ...]:
 class Lqg:
     """LQG law, one sample at a time.
 
-    The observers start at rest at the position of the arm. Their input is the effort after
-    saturation. A measurement beyond 100 V is a fault: the answer is zero and the states do not
+    The observers start at rest at the position of the arm. Their input is the effort that is sent.
+    A measurement beyond 100 V is a fault: the answer is zero and the states do not
     change.
 
     Parameters
@@ -252,6 +252,11 @@ class Lqg:
             if rest.resting:
                 each.state[_DISTURBANCE] = 0.0
         return answer
+
+    def hear(self, missing_v: float, cut_v: float) -> None:  # noqa: ARG002 - it sums no errors
+        """Hear what became of the last effort; see `HearingLaw.hear`."""
+        for each in self._observers:
+            each.correct(missing_v)
 
     def _weigh(self, volts: Sequence[float]) -> None:
         """Give the estimator a sample, and choose the design of the payload that it detects."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from flexarm_control.laws.law_protocol import NO_EFFORT, limited
-from flexarm_core.channels import MAX_COMMAND_V
+from flexarm_control.laws.law_protocol import NO_EFFORT, limited, winds_up
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +18,7 @@ class Pi:
     """PI law that evaluates models (Figure 4-1), without friction compensation.
 
     u_e = kp e + ki dt (e(0) + ... + e(k)), with e = R - y1. The sum is held while the drive is
-    saturated and the error would drive it further.
+    saturated, or a limit cut the last effort, and the error would drive it further.
 
     Parameters
     ----------
@@ -32,7 +31,7 @@ class Pi:
     def __init__(self, gains: PiGains, sampling: Sampling) -> None:
         self._gains = gains
         self._dt_s = 1.0 / sampling.rate_hz
-        self._integral_v_s = 0.0
+        self._integral_v_s = self._cut_v = 0.0
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `Law.step`."""
@@ -41,13 +40,18 @@ class Pi:
             return NO_EFFORT
         integral_v_s = self._integral_v_s + self._dt_s * error_v
         effort_v = self._gains.kp * error_v + self._gains.ki * integral_v_s
-        if abs(effort_v) <= MAX_COMMAND_V or effort_v * error_v < 0.0:
+        answer = limited(effort_v)
+        if not winds_up(error_v, effort_v - answer.effort_v, self._cut_v):
             self._integral_v_s = integral_v_s
-        return limited(effort_v)
+        return answer
+
+    def hear(self, missing_v: float, cut_v: float) -> None:  # noqa: ARG002 - for observers
+        """Hear what was cut off the last effort; see `HearingLaw.hear`."""
+        self._cut_v = cut_v
 
     def reset(self) -> None:
         """Forget the sum of the errors."""
-        self._integral_v_s = 0.0
+        self._integral_v_s = self._cut_v = 0.0
 
     def memory(self) -> Memory:
         """Return the sum of the errors; see `LawWithMemory.memory`."""

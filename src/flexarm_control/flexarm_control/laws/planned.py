@@ -168,6 +168,10 @@ class Planned:
             compensation_v += self._observer.step(volts, effort_v)
         return limited(effort_v, compensation_v)
 
+    def hear(self, missing_v: float, cut_v: float) -> None:  # noqa: ARG002 - it sums no errors
+        """Hear what became of the last effort; see `HearingLaw.hear`."""
+        self._observer.correct(missing_v)
+
     def _begin(self, reference_v: float) -> None:
         """Plan the move to a set-point."""
         height_v = reference_v - self._target_v

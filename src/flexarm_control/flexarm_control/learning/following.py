@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
+from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, hearing, limited
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,6 +50,7 @@ class FollowingLaw:
     ) -> None:
         self.rate_hz = trajectory.rate_hz
         self._law = law
+        self.hear = hearing(law)
         self._end_v = trajectory.end_v
         next_speed_v = np.append(trajectory.speed_v[1:], 0.0)
         moves = np.abs(next_speed_v) > _STILL_V

@@ -90,6 +90,12 @@ class FrictionObserver:
         self.state = left_v, low_speed_v, effort_v + friction_v
         return friction_v
 
+    def correct(self, missing_v: float) -> None:
+        """Take note that the last effort was another one by so much, V."""
+        if self._share:
+            left_v, low_speed_v, command_v = self.state
+            self.state = left_v, low_speed_v, command_v + missing_v
+
     def reset(self) -> None:
         """Forget the friction."""
         self.state = (0.0, 0.0, 0.0)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.laws.switching import Handover
+from flexarm_control.laws.law_protocol import DriveCommand
+from flexarm_control.laws.switching import ASKED, Handover
 from flexarm_control.loop_setup import Setup
 from flexarm_control.models.chosen_model import PREFIX
 from flexarm_control.replaying.record import NOT_RECORDED
@@ -149,18 +150,22 @@ class _Law:
         self._reference_v = told.reference_v
         self._run_start_ns = told.stamp_ns - told.run_time_ns
         self._handover = Handover(setup.law)
-        if _sizes(told.memory) != _sizes(self._handover.memory()):
+        self._hears = ASKED in told.memory
+        known = dict(self._handover.memory())
+        if not self._hears:
+            del known[ASKED]
+        if _sizes(told.memory) != _sizes(known):
             raise SettingError(
                 f"the recorded memory of law {setup.law_spec.name} is that of another version"
             )
         self._handover.remember(told.memory)
 
-    def answer(self, volts: Sequence[float], stamp_ns: int) -> Effort:
-        """Return the answer to a sample."""
+    def answer(self, volts: Sequence[float], stamp_ns: int, drive: DriveCommand) -> Effort:
+        """Return the answer to a sample, taken while a command was in force."""
         reference_v = self._reference_v
         if self.setup.profile is not None:
             reference_v = self.setup.profile((stamp_ns - self._run_start_ns) * 1e-9)
-        return self._handover.step(volts, reference_v)
+        return self._handover.step(volts, reference_v, drive if self._hears else None)
 
 
 def _answers(record: LoopRecord) -> tuple[FloatArray, list[tuple[int, str]]]:
@@ -191,7 +196,8 @@ def _answers(record: LoopRecord) -> tuple[FloatArray, list[tuple[int, str]]]:
             law = _Law(told, law.setup if law and same else Setup.of(told.parameters))
             before = told
         if law is not None:
-            answers[row] = law.answer(record.volts[sample].tolist(), stamp_ns)
+            drive = DriveCommand(*record.drive[sample].tolist())
+            answers[row] = law.answer(record.volts[sample].tolist(), stamp_ns, drive)
     return answers, changes
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm_bags.reader import ARM_STATE, LAW_IN_FORCE, MOTOR_COMMAND, opened, sibling
+from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.loop_setup import parameters_in
 from flexarm_control.models.arm_model import OUTPUTS
 from flexarm_core.errors import BagError, SettingError
@@ -68,6 +69,8 @@ class LoopRecord:
         Numbers and instants of the samples.
     volts : ndarray, (samples, 4)
         Position, base strain, middle strain and speed, V.
+    drive : ndarray, (samples, 2)
+        Command in force while each sample was taken, and the compensation in it, V.
     command_sequence : ndarray of int, (commands,)
         Numbers of the answers.
     answered : ndarray of int, (commands,)
@@ -81,6 +84,7 @@ class LoopRecord:
     sequence: Integers
     stamps_ns: Integers
     volts: FloatArray
+    drive: FloatArray
     command_sequence: Integers
     answered: Integers
     answers: FloatArray
@@ -121,6 +125,7 @@ def read_loop(path: Path, topic: str | None = None) -> LoopRecord:
             sequence,
             states.stamps_ns(),
             np.column_stack([states.real(name) for name in OUTPUTS]),
+            np.column_stack([states.real(name) for name in DriveCommand._fields]),
             commands.integer("sequence"),
             answered_rows(
                 (sequence, states.log_times_ns),

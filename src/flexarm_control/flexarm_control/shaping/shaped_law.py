@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_control.laws.law_protocol import hearing
 from flexarm_control.models.arm_model import POSITION
 from flexarm_control.shaping.shapers import LONGEST_PERIODS, shaper_parts
 from flexarm_core.errors import SettingError
@@ -63,6 +64,7 @@ class ShapedLaw:
         payload: Callable[[], PayloadEstimate] | None = None,
     ) -> None:
         self._law = law
+        self.hear = hearing(law)
         self._shaper = shaper
         self._vibrations = vibrations
         self._rate_hz = rate_hz

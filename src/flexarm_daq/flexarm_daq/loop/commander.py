@@ -96,8 +96,7 @@ class Commander:
         if verdict is Verdict.ACCEPTED and not in_time:
             verdict = Verdict.LATE
         if verdict is Verdict.ACCEPTED:
-            if self._last is not None:
-                self._foreign = None
+            self._foreign = None
             if self._has_rival:
                 verdict = Verdict.CONFLICT
             self._last = command

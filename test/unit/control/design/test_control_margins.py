@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexarm_control import ControlError, Margins, PdpGains, margins, nominal_model
+from flexarm_control.design.margins import loop_margins, margin_frequencies_hz
 from flexarm_control.models.arm_model import delayed
 
 DT_S = 1 / 300
@@ -215,3 +216,48 @@ def test_margins___model_of_another_plant___is_refused() -> None:
 def test_margins___negative_delay___is_refused() -> None:
     with pytest.raises(ControlError, match="delay_s = -1"):
         margins(nominal_model(0.0), TRIAL, delay_s=-1.0)
+
+
+FREQUENCIES_HZ = margin_frequencies_hz(control.StateSpace([[0.0]], [[1.0]], [[1.0]], 0, DT_S))
+
+
+def of_response(loop: np.ndarray) -> Margins:
+    """Return the margins of a loop by its response."""
+    return loop_margins(FREQUENCIES_HZ, loop, np.ones_like(loop), stable=True)
+
+
+def test_two_crossovers_below_the_limit___the_last_one_counts() -> None:
+    # The gain 4 x / (1 + x^2) is one at x = 2 -+ sqrt(3), and the phase margin grows with x.
+    x = FREQUENCIES_HZ / 0.02
+    margin_deg = 30.0 + 20.0 * np.log10(x)
+
+    found = of_response(-4.0 * x / (1.0 + x**2) * np.exp(1j * np.radians(margin_deg)))
+
+    last = 2.0 + math.sqrt(3.0)
+    assert len(found.gain_crossings) == 2
+    assert found.phase_margin_hz == pytest.approx(0.02 * last, rel=1e-3)
+    assert found.phase_margin_deg == pytest.approx(30.0 + 20.0 * math.log10(last), abs=0.1)
+
+
+def test_disk_margin___response_below_the_limit___does_not_count() -> None:
+    found = of_response(np.where(FREQUENCIES_HZ < 0.2, -0.9, -0.5).astype(complex))
+
+    assert found.disk_margin == pytest.approx(2.0 * 0.5 / 1.5)
+    assert found.disk_margin_hz >= 0.2
+
+
+@pytest.mark.parametrize("crosses_before", [False, True])
+def test_end_on_the_axis___is_one_crossing_beside_those_before(*, crosses_before: bool) -> None:
+    # The phase rises to -180 deg at half the sampling rate, maybe after a crossing on its way.
+    share = FREQUENCIES_HZ / FREQUENCIES_HZ[-1]
+    phase = -np.pi - (1.0 - share) * (share - 0.5 if crosses_before else 1.0)
+    loop = 0.25 * np.exp(1j * phase)
+    loop[-1] = -0.25
+
+    for response in (loop, loop.conj()):
+        found = of_response(response)
+
+        places_hz = [75.0, 150.0] if crosses_before else [150.0]
+        crossings_hz = [each.frequency_hz for each in found.phase_crossings]
+        assert crossings_hz == pytest.approx(places_hz, rel=1e-3)
+        assert found.gain_margin_db == pytest.approx(20 * math.log10(4), abs=1e-3)

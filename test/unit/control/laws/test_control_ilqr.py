@@ -11,7 +11,9 @@ from scipy.linalg import solve_discrete_are
 
 from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
+from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.laws.lqg import design_lqg
+from flexarm_control.laws.switching import Handover
 from flexarm_control.models.nominal_models import identified_model, nominal_model
 from flexarm_control.simulation import simulate
 from flexarm_core.errors import SettingError
@@ -150,3 +152,45 @@ def test_friction___is_held_while_it_is_constant_and_not_when_it_reverses(
     if not hunts:
         assert figures.overshoot <= 0.06
         assert swing_v <= 0.05
+
+
+@pytest.mark.parametrize("limit_v", [0.3, 100.0])
+def test_observer_of_an_exact_model___told_what_was_sent___is_the_state_of_the_arm(
+    limit_v: float,
+) -> None:
+    """Behind a limit of the gate, and at 100 V behind the law's own 10 V."""
+    model = identified_model()
+    design = design_ilqr(model, IlqrWeights(ki=0.0))
+    law, state = Handover(Ilqr(design)), np.zeros(model.nstates)
+    drive, cut = DriveCommand(0.0, 0.0), 0
+
+    for k in range(400):
+        reference_v = 60.0 if k < 100 else -40.0
+        wanted_v = design.kp * reference_v - float(design.kc @ state)
+        answer = law.step((model.C @ state).tolist(), reference_v, drive)
+        assert answer.effort_v == pytest.approx(min(max(wanted_v, -10.0), 10.0), abs=1e-5)
+        sent_v = min(max(answer.effort_v, -limit_v), limit_v)
+        cut += abs(wanted_v) > min(limit_v, 10.0)
+        drive = DriveCommand(sent_v, 0.0)
+        state = model.A @ state + model.B[:, 0] * sent_v
+
+    assert cut > 10
+
+
+@pytest.mark.parametrize(("error_v", "sums"), [(0.5, False), (-0.5, True)])
+@pytest.mark.parametrize("cut", ["here", "by the gate"])
+def test_sum_of_errors___while_a_limit_cuts_the_effort___takes_those_that_lead_out_of_it(
+    error_v: float, cut: str, *, sums: bool
+) -> None:
+    design = design_ilqr(identified_model(), IlqrWeights(ki=0.01))
+    law = Ilqr(design)
+    wanted_v = 20.0 if cut == "here" else 1.0
+    at_v = -wanted_v * design.kc / (design.kc @ design.kc)
+    law.remember({"observer": at_v.tolist(), "integral_v": [3.0], "started": [1.0]})
+
+    if cut == "by the gate":
+        law.hear(-0.8, 0.8)
+    answer = law.step((-error_v, 0.0, 0.0, 0.0), 0.0)
+
+    assert answer.effort_v > 0.9
+    assert law.memory()["integral_v"] == pytest.approx([3.0 + error_v if sums else 3.0])

@@ -7,12 +7,15 @@ import math
 import pytest
 
 from flexarm_control import LAWS, build_law
+from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.laws.switching import Handover
 
 RATE_HZ = 300.0
 SAMPLES = 1200
 TAKEN = 700
 GAINS = {"ilqr": {"compensation_v": 0.7}, "lqg": {"strain_limit_v": 0.5}}
+DRIVES = {2: DriveCommand(0.5, 0.1), 3: DriveCommand(0.0, 0.0)}
+"""Commands in force that are not the answers: a limit, or nobody drives."""
 HAVE_NONE = {"pd", "pdp", "pdpc", "pdpc_unconditional"}
 
 
@@ -33,7 +36,7 @@ def reference_v(k: int) -> float:
 
 def answers(law: Handover, begin: int, end: int) -> list[tuple[float, float]]:
     """Return the answers to some samples."""
-    return [law.step(sample(k), reference_v(k)) for k in range(begin, end)]
+    return [law.step(sample(k), reference_v(k), DRIVES.get(k % 7)) for k in range(begin, end)]
 
 
 def fresh(name: str) -> Handover:
@@ -41,18 +44,22 @@ def fresh(name: str) -> Handover:
     return Handover(build_law(name, GAINS.get(name)))
 
 
+@pytest.mark.parametrize(("taken", "begun"), [(TAKEN, 0), (TAKEN, 3), (0, 3), (5, 0)])
 @pytest.mark.parametrize("name", LAWS)
-def test_law___with_the_memory_of_another___goes_on_as_that_one(name: str) -> None:
+def test_law___with_the_memory_of_another___goes_on_as_that_one(
+    name: str, taken: int, begun: int
+) -> None:
     first = fresh(name)
-    answers(first, 0, TAKEN)
+    answers(first, 0, taken)
     memory = {group: list(numbers) for group, numbers in first.memory().items()}
     second = fresh(name)
-    answers(second, 0, 3)
+    answers(second, 0, begun)
 
     second.remember(memory)
 
+    assert {group: list(numbers) for group, numbers in second.memory().items()} == memory
     # One program on one machine: the same bits, which is what a replay rests on.
-    assert answers(second, TAKEN, SAMPLES) == answers(first, TAKEN, SAMPLES)
+    assert answers(second, taken, SAMPLES) == answers(first, taken, SAMPLES)
 
 
 @pytest.mark.parametrize("name", sorted(LAWS.keys() - HAVE_NONE))

@@ -20,6 +20,7 @@ from flexarm_control import (
     PdpGains,
     build_law,
 )
+from flexarm_control.laws.law_protocol import hearing
 
 ONLY_POSITION = PdpGains(kp=1.0, kd=0.0, ksg=0.0)
 
@@ -57,6 +58,21 @@ def test_pi___saturated___does_not_wind_up() -> None:
 
     # Ten seconds of 6 V would have summed up to 60 V s.
     assert law.step((6.0, 0.0, 0.0, 0.0), 6.0) == pytest.approx((0.0, 0.0))
+
+
+@pytest.mark.parametrize(("error_v", "sums"), [(2.0, False), (-2.0, True)])
+def test_pi___cut_by_the_gate___sums_the_errors_that_lead_out_of_it(
+    error_v: float, *, sums: bool
+) -> None:
+    law = build_law("pi", {"kp": 0.4, "ki": 0.6, "rate_hz": 100.0})
+
+    hearing(law)(-0.7, 0.7)
+    law.step((-error_v, 0.0, 0.0, 0.0), 0.0)
+    hearing(law)(-0.7, 0.0)
+    law.step((-1.0, 0.0, 0.0, 0.0), 0.0)
+
+    # What was only late cuts nothing off.
+    assert law.memory()["integral_v_s"] == pytest.approx([0.01 + (0.01 * error_v if sums else 0.0)])
 
 
 def test_pdp___step___is_4_7_without_compensation() -> None:

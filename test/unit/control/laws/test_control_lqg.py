@@ -12,12 +12,14 @@ from scipy.linalg import solve_discrete_are
 from flexarm_control import build_law, step_figures
 from flexarm_control.design.regulator_margins import RegulatorLoop
 from flexarm_control.laws.ilqr import Ilqr
+from flexarm_control.laws.law_protocol import Effort, hearing
 from flexarm_control.laws.lqg import LqgWeights, design_lqg, packaged_designs
 from flexarm_control.laws.regulator_loop import closed_loop
 from flexarm_control.models.arm_model import delayed
 from flexarm_control.models.nominal_models import identified_model, rig_model
 from flexarm_control.simulation import simulate, simulate_loop
 from flexarm_daq import RigParameters, SimulatedRig
+from flexarm_daq.loop.limiter import Limiter, LimiterSettings
 
 WEIGHTS = LqgWeights(
     position=2.0, strain=0.1, speed=0.7, effort=0.4, disturbance_v=0.5, drift_v=0.02
@@ -134,3 +136,33 @@ def test_rest___forgets_the_disturbance() -> None:
     np.testing.assert_array_equal(observers[:, -1], 0.0)
     # The help of `pdpc_plus`: 0.55 V at 0.05 V of strain.
     assert answer.compensation_v == pytest.approx(-0.55 * 0.4, rel=1e-3)
+
+
+@pytest.mark.parametrize("payload_kg", [0.0, 0.2, 0.4])
+@pytest.mark.parametrize("limit", [{"max_command_v": 2.0}, {"max_slew_v_per_s": 50.0}])
+def test_command_that_the_gate_cuts___is_heard_of(
+    payload_kg: float, limit: dict[str, float]
+) -> None:
+    """A law that does not hear it overshoots by 14 to 22 % at 2 V, and by 7 to 11 % at 50 V/s."""
+    rig = SimulatedRig(RigParameters(payload_kg=payload_kg), seed=1)
+    gate, law = Limiter(LimiterSettings(**limit)), build_law("lqg")
+
+    def acting_v(answer: Effort) -> float:
+        return gate.apply(*answer, position_v=0.0, interval_s=1.0 / 300.0).command_v
+
+    run = simulate(rig, law, np.full(1500, 3.0), acting_v=acting_v)
+
+    assert step_figures(run.time_s, run.y[:, 0], 3.0).overshoot < 0.06
+
+
+def test_effort_that_was_not_sent___is_heard_by_every_observer() -> None:
+    law, other = build_law("lqg"), build_law("lqg")
+    for each in (law, other):
+        each.step((0.0,) * 4, 3.0)
+
+    hearing(law)(-2.0, 2.0)
+
+    designs = packaged_designs(LqgWeights())
+    moved = np.reshape(np.subtract(law.memory()["observers"], other.memory()["observers"]), (3, -1))
+    expected = [-2.0 * np.ravel(each.design.model.B) for each in designs]
+    np.testing.assert_allclose(moved, expected, atol=1e-12)

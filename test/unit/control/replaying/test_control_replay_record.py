@@ -40,10 +40,40 @@ def test_record___of_a_bag___is_that_of_the_run(tmp_path: Path) -> None:
 
     found, expected = read_loop(bag), run.record(SAMPLES)
 
-    for name in ("sequence", "stamps_ns", "volts", "command_sequence", "answered", "answers"):
+    for name in (
+        "sequence",
+        "stamps_ns",
+        "volts",
+        "drive",
+        "command_sequence",
+        "answered",
+        "answers",
+    ):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
     assert found.laws == expected.laws
     assert replay(found).compared == SAMPLES
+
+
+def test_sample_and_command_in_one_nanosecond___are_sample_and_answer() -> None:
+    numbers, sent_ns = np.array([1, 2, 1, 2]), np.array([10, 20, 30, 40])
+    answers, answered_ns = np.array([1, 2, 1, 2]), np.array([10, 20, 30, 40])
+
+    rows = answered_rows((numbers, sent_ns), (answers, answered_ns))
+
+    assert rows.tolist() == [0, 1, 2, 3]
+
+
+def test_second_answer_to_a_sample___is_no_step_of_the_law() -> None:
+    run = pd_run(SAMPLES)
+    record = run.record(SAMPLES)
+    answers = [1, 2, 2, 3]
+
+    rows = answered_rows(
+        (record.sequence[:3], record.stamps_ns[:3]),
+        (np.array(answers), record.stamps_ns[[0, 1, 1, 2]] + 5),
+    )
+
+    assert rows.tolist() == [0, 1, NOT_RECORDED, 2]
 
 
 ONE = [arm_state(1, START_NS), motor_command(1, START_NS + 1000, 0.0)]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -219,11 +220,19 @@ def test_real_time___any_stalls___a_gap_in_the_numbers_is_a_gap_in_time(
 
 
 @pytest.mark.parametrize("virtual", [True, False])
-@pytest.mark.parametrize("error", [RigError("a wire broke"), ZeroDivisionError("a defect")])
+@pytest.mark.parametrize(
+    "error",
+    [
+        RigError("a wire broke"),
+        ZeroDivisionError("a defect"),
+        KeyboardInterrupt("somebody ends it"),
+        SystemExit("the process ends"),
+    ],
+)
 def test_whatever_is_raised___leaves_the_drive_at_zero_and_says_why(
     clock: Clock,
     monkeypatch: pytest.MonkeyPatch,
-    error: Exception,
+    error: BaseException,
     virtual: bool,  # noqa: FBT001 - a parameter of the test
 ) -> None:
     bench = Bench(clock, at_once(lambda _: 2.0), virtual=virtual, samples=9)
@@ -239,6 +248,28 @@ def test_whatever_is_raised___leaves_the_drive_at_zero_and_says_why(
     assert bench.rig.calls[-2:] == [("safe_stop", 0.0), ("close", 0.0)]
     assert bench.acquisition.safety.state is DriveState.OFF
     assert bench.acquisition.safety.reason == str(error)
+
+
+@pytest.mark.parametrize("stops_at", [1, 3])
+def test_real_time___told_to_stop_in_a_long_period___does_not_wait_on(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch, stops_at: int
+) -> None:
+    """At a rate of a sample in some minutes, whenever it is told."""
+    bench = Bench(clock, never, virtual=False, samples=0)
+    monkeypatch.setattr(bench.acquisition, "_period_s", 1000.0)
+    wait, stop, waits = bench.link.wait, threading.Event(), []
+
+    def note(timeout_s: float) -> Command | None:
+        waits.append(timeout_s)
+        if len(waits) == stops_at:
+            stop.set()
+        return wait(timeout_s)
+
+    monkeypatch.setattr(bench.link, "wait", note)
+    started_s = clock.now_s
+    bench.acquisition.run(stop)
+    assert len(bench.link.records) == 1
+    assert clock.now_s - started_s < 1.0
 
 
 def test_rig_that_cannot_be_opened___is_stopped_and_closed(

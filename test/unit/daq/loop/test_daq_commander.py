@@ -163,3 +163,121 @@ def test_two_commanders___both_answering___are_found_within_three_samples(
         ordered = pair[::-1] if is_swapped else pair
         verdicts += [commander.judge(each, sample) for each in ordered]
     assert Verdict.CONFLICT in verdicts
+
+
+RELEASE = None
+HISTORIES = st.lists(
+    st.one_of(
+        st.just(RELEASE),
+        st.tuples(st.integers(0, 6), st.integers(0, 3), st.sampled_from([True, True, True, False])),
+    ),
+    max_size=40,
+)
+
+
+class _Rule:
+    """The rule of docs/safety.md, from all that has happened: an independent route."""
+
+    def __init__(self) -> None:
+        self.obeyed = command(-1, 0)
+        self.refused: list[Command] = []
+        self.is_in_force = False
+
+    def verdict(self, asked: Command, newest: int) -> Verdict:
+        """Return what the rule says of a command that is in time."""
+        if asked.state_sequence > newest:
+            return Verdict.AHEAD
+        if self.is_in_force:
+            return self._beside(asked)
+        if asked.state_sequence <= self.obeyed.state_sequence:
+            return Verdict.OLD
+        counts = asked.sequence != self.obeyed.sequence
+        if self.refused:
+            counts = _of_one(self.refused[-1], asked)
+        return Verdict.ACCEPTED if counts else Verdict.FOREIGN
+
+    def _beside(self, asked: Command) -> Verdict:
+        if asked.state_sequence == self.obeyed.state_sequence:
+            return Verdict.DUPLICATE if asked == self.obeyed else Verdict.CONFLICT
+        if not _of_one(self.obeyed, asked):
+            return Verdict.FOREIGN
+        if asked.state_sequence < self.obeyed.state_sequence:
+            return Verdict.OLD
+        return Verdict.CONFLICT if self.refused else Verdict.ACCEPTED
+
+    def note(self, asked: Command, verdict: Verdict) -> None:
+        """Take note of a verdict."""
+        if verdict is Verdict.ACCEPTED:
+            self.obeyed, self.refused, self.is_in_force = asked, [], True
+        if verdict is Verdict.FOREIGN:
+            self.refused.append(asked)
+
+
+def _of_one(one: Command, other: Command) -> bool:
+    """Return whether one sender that numbers its answers can have sent both."""
+    first, second = sorted((one, other), key=lambda each: each.state_sequence)
+    samples = second.state_sequence - first.state_sequence
+    return first.sequence + 1 <= second.sequence <= first.sequence + samples
+
+
+@given(HISTORIES)
+def test_any_commands_silences_and_refusals___are_judged_by_the_rule(
+    history: list[tuple[int, int, bool] | None],
+) -> None:
+    commander, rule, sample = Commander(), _Rule(), 1
+    for event in history:
+        if event is RELEASE:
+            commander.release()
+            rule.is_in_force = False
+            continue
+        number, samples, in_time = event
+        sample += samples
+        asked = command(number, max(sample - (number == 3), 1))
+        expected = rule.verdict(asked, sample)
+        late = expected in {Verdict.ACCEPTED, Verdict.CONFLICT} and not in_time
+        if late and asked.state_sequence > rule.obeyed.state_sequence:
+            expected = Verdict.LATE
+        assert commander.judge(asked, sample, in_time=in_time) is expected
+        if expected is Verdict.CONFLICT:
+            return  # the drive is held, and nothing drives any more
+        rule.note(asked, expected)
+
+
+@given(HISTORIES, st.integers(0, 7), st.lists(st.tuples(st.integers(1, 3), st.integers(0, 2))))
+def test_one_number_again_and_again___after_whatever_was___is_obeyed_once(
+    history: list[tuple[int, int, bool] | None], number: int, tail: list[tuple[int, int]]
+) -> None:
+    commander, sample = Commander(), 1
+    for event in history:
+        if event is RELEASE:
+            commander.release()
+        else:
+            sample += event[1]
+            commander.judge(command(event[0], sample), sample, in_time=event[2])
+    verdicts = []
+    for samples, releases in tail:
+        sample += samples
+        verdicts.append(commander.judge(command(number, sample), sample))
+        for _ in range(releases):
+            commander.release()
+    assert verdicts.count(Verdict.ACCEPTED) <= 1
+
+
+def test_refused_number_that_counted_on___again_after_silences___is_obeyed_once() -> None:
+    commander = Commander()
+    verdicts = []
+    for sample, number in enumerate([5, 5, 6, 6, 6, 6, 6], start=1):
+        verdicts.append(commander.judge(command(number, sample), sample))
+        if sample in {1, 3}:
+            commander.release()
+    foreign, accepted = Verdict.FOREIGN, Verdict.ACCEPTED
+    assert verdicts == [accepted, foreign, accepted, foreign, foreign, foreign, foreign]
+    commander.release()
+    assert commander.judge(command(6, 8), 8) is foreign
+
+
+def test_two_silences_in_a_row___the_same_number___is_not_obeyed_again() -> None:
+    commander = following(command(7, 1))
+    commander.release()
+    commander.release()
+    assert commander.judge(command(7, 10), NEWEST) is Verdict.FOREIGN

@@ -145,3 +145,23 @@ def test_answer_in_time___changes_nothing() -> None:
             deadman.begin()
             assert not deadman.end()
         assert not deadman.has_released()
+
+
+def test_answer_that_never_comes___is_told_again_in_each_second(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    second_s = 0.1
+    monkeypatch.setattr("flexarm_daq.loop.deadman._TELLING_S", second_s)
+    thrice, told = threading.Event(), []
+
+    def tell(passed_s: float) -> None:
+        told.append(passed_s)
+        if len(told) == 3:
+            thrice.set()
+
+    with Deadman(0.01, lambda: None, tell) as deadman:
+        deadman.begin()
+        assert thrice.wait(PATIENCE_S)
+        deadman.end()
+
+    assert np.diff([0.0, *told[:3]]).min() > second_s

@@ -164,3 +164,11 @@ def test_settings___small_and_positive___are_taken(name: str) -> None:
 def test_settings___beyond_the_drive___are_refused() -> None:
     with pytest.raises(SettingError, match="max_command_v must not exceed the drive's 10 V"):
         LimiterSettings(max_command_v=10.1)
+
+
+def test_zero_of_the_bound___is_where_the_next_command_slews_from() -> None:
+    limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
+    for _ in range(5):
+        limiter.apply(5.0, 0.0, 0.0, 0.01)
+    assert limiter.apply(5.0, 0.0, 6.6, 0.01).command_v == 0.0
+    assert limiter.apply(5.0, 0.0, 0.0, 0.01).command_v == 1.0
