@@ -1,8 +1,8 @@
 """Verdict on an identification: good, usable, poor or useless, with two figures and the next step.
 
 A control engineer rests on two figures. The first is the error of a free simulation, of data that
-the model has not seen if there are any, in units of the outputs' RMS: 1 is no better than a line at
-zero. The second is the part of this error that still follows the inputs. It tells missing dynamics,
+the model has not seen if there are any, in units of the outputs' deviation: 1 is no better than the
+mean. The second is the part of this error that still follows the inputs. It tells missing dynamics,
 which another model can have, from noise and friction, which no linear model of these inputs can.
 """
 
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.diagnostics.channel_defects import LARGEST_OFFSET
 from flexarm_ident.diagnostics.news import news_of
 from flexarm_ident.diagnostics.spectra import spectra
 
@@ -59,7 +58,7 @@ class Verdict:
     level : Level
         Level of the model.
     error : float
-        Mean of the outputs' relative errors in free simulation; 1 is that of a line at zero.
+        Mean of the outputs' relative errors in free simulation; 1 is that of their means.
     worst : float
         Largest of them.
     worst_output : str
@@ -70,8 +69,6 @@ class Verdict:
         Whether the errors are of data that the model has not seen.
     next_step : str
         What to do next, a main clause.
-    by_deviation : tuple of str
-        Outputs whose errors are in units of their deviation, as they are almost all offset.
     """
 
     level: Level
@@ -81,15 +78,13 @@ class Verdict:
     missed: float
     unseen: bool
     next_step: str
-    by_deviation: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        worse = ", worse than a line at zero" if self.error >= _WORSE else ""
+        worse = ", worse than the mean" if self.error >= _WORSE else ""
         data = "data that were not fitted" if self.unseen else "the fitted data"
-        at_mean = f", at its mean for {', '.join(self.by_deviation)}" if self.by_deviation else ""
         text = (
             f"{self.level}{worse}: error {self.error:.3g} in free simulation of {data} (worst "
-            f"{self.worst:.3g}, {self.worst_output}; a line at zero{at_mean} has 1)"
+            f"{self.worst:.3g}, {self.worst_output}; the mean has 1)"
         )
         if np.isfinite(self.missed):
             text += f", {100.0 * self.missed:.0f} % of the error's power follows the inputs"
@@ -103,7 +98,6 @@ def verdict(
     *,
     unseen: bool,
     defects: Sequence[str] = (),
-    offset_factors: FloatArray | None = None,
     few_values: bool = False,
 ) -> Verdict:
     """Return the verdict from the figures of each output.
@@ -111,7 +105,7 @@ def verdict(
     Parameters
     ----------
     errors : ndarray, (outputs,)
-        Relative errors in free simulation (2-25) of any validation; NaN for a constant output.
+        Relative errors in free simulation of any validation; NaN for a constant output.
     missed : ndarray, (outputs,)
         Share of each error's power that follows the inputs; NaN where it is not known.
     outputs : sequence of str
@@ -120,15 +114,10 @@ def verdict(
         Whether the errors are of data that the model has not seen.
     defects : sequence of str
         Defects of the data that can be mended, in words.
-    offset_factors : ndarray, (outputs,), optional
-        See the function of this name; by default no output is almost all offset.
     few_values : bool
         Whether the records have too few values for errors on parts of them to be relied on: the
         model is no better than usable then.
     """
-    factors = np.ones(len(errors)) if offset_factors is None else offset_factors
-    errors = errors * factors
-    by_deviation = tuple(np.array(outputs)[factors > 1.0].tolist())
     known = np.flatnonzero(~np.isnan(errors))
     number = int(known[np.argmax(errors[known])])
     error, worst = float(errors[known].mean()), float(errors[number])
@@ -142,29 +131,7 @@ def verdict(
     if few_values:
         level = max(level, Level.USABLE)
     step = _next_step(level, share, outputs[number], unseen=unseen, defects=defects)
-    return Verdict(level, error, worst, outputs[number], share, unseen, step, by_deviation)
-
-
-def offset_factors(records: Sequence[IoData]) -> FloatArray:
-    """Return the RMS of each output that is almost all offset in units of its deviation, else 1.
-
-    An offset flatters an error in units of the RMS: it is there with any model.
-
-    Parameters
-    ----------
-    records : sequence of IoData
-        Records of one rig.
-
-    Returns
-    -------
-    ndarray, (outputs,)
-        Factors, 1 or more.
-    """
-    y = np.vstack([record.y[record.usable] for record in records])
-    mean, deviation = np.abs(y.mean(axis=0)), y.std(axis=0)
-    shifted = (mean > LARGEST_OFFSET * deviation) & (deviation > 0.0)
-    one = np.ones_like(mean)
-    return np.asarray(np.divide(np.hypot(mean, deviation), deviation, out=one, where=shifted))
+    return Verdict(level, error, worst, outputs[number], share, unseen, step)
 
 
 def missed_shares(records: Sequence[IoData], simulated: Sequence[FloatArray]) -> FloatArray:

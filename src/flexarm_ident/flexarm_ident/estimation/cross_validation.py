@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.subspace_protocol import StateMatrices
 
+# Power of a constant output about its mean, in parts of that about zero.
+_ROUNDING = 1e-24
 _BLOCKS = 5
 
 
@@ -44,9 +46,10 @@ class CrossValidation:
     Attributes
     ----------
     error : ndarray, (outputs,)
-        Relative simulation error (2-25) over all blocks together; NaN for an output that is zero.
+        Simulation error over all blocks together, relative to the deviation about the mean; NaN for
+        a constant output.
     block_errors : ndarray, (blocks, outputs)
-        The same of each block; infinite where an output is zero throughout it.
+        The same of each block; infinite where an output is constant throughout it.
     """
 
     error: FloatArray
@@ -135,7 +138,10 @@ def _judged(
         y = simulate(model, record.u, fit_initial_states(model, [record])[0])
         measured = record.y_measured[block.rows]
         missed.append(np.nansum((measured - y[block.rows]) ** 2, axis=0))
-        power.append(np.nansum(measured**2, axis=0))
+        # The offset of an output is there with any model.
+        deviation = measured - np.nanmean(record.y_measured, axis=0)
+        scatter, level = (np.nansum(each**2, axis=0) for each in (deviation, measured))
+        power.append(np.where(scatter > _ROUNDING * level, scatter, 0.0))
     total = np.sum(power, axis=0)
     error = np.where(total > 0.0, _relative(np.sum(missed, axis=0), total), np.nan)
     if np.any(np.isinf(error)):

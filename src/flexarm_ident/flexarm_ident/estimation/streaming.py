@@ -103,15 +103,19 @@ def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -
     The simulation starts from x0, (states,). Its first `EXCERPT_SAMPLES` outputs are kept.
     """
     run = BlockSimulation(model.A, model.B, model.C, model.D, x0)
-    missed, power = np.zeros(model.noutputs), np.zeros(model.noutputs)
+    missed, power, total, count = np.zeros((4, model.noutputs))
     shown: list[FloatArray] = []
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for u, y in record.chunks(_CHUNK):
             simulated = run.advance(u)
             missed += np.nansum((y - simulated) ** 2, axis=0)
             power += np.nansum(y**2, axis=0)
+            total += np.nansum(y, axis=0)
+            count += np.count_nonzero(~np.isnan(y), axis=0)
             if len(shown) * _CHUNK < EXCERPT_SAMPLES:
                 shown.append(simulated)
         delta = np.sqrt(missed / power)
+        about_mean = np.sqrt(power / (power - total**2 / count))
     delta = np.where(power > 0.0, np.where(np.isfinite(delta), delta, np.inf), np.nan)
-    return Dmv(delta, mean_error(delta), np.concatenate(shown)[:EXCERPT_SAMPLES], x0)
+    shown_y = np.concatenate(shown)[:EXCERPT_SAMPLES]
+    return Dmv(delta, mean_error(delta), delta * about_mean, shown_y, x0)

@@ -39,9 +39,12 @@ class Dmv:
     Attributes
     ----------
     delta : ndarray, (outputs,)
-        Relative error of each output (2-25); NaN for a constant output.
+        Error of each output relative to its RMS about zero (2-25), which an offset flatters; NaN
+        for a constant output.
     mean : float
         Mean of `delta` over the other outputs.
+    error : ndarray, (outputs,)
+        The same relative to the deviation about the mean, the NRMSE.
     y : ndarray, (samples, outputs)
         Simulated outputs.
     x0 : ndarray, (states,)
@@ -50,12 +53,13 @@ class Dmv:
 
     delta: FloatArray
     mean: float
+    error: FloatArray
     y: FloatArray
     x0: FloatArray
 
     def __repr__(self) -> str:
-        errors = " ".join(f"{error:.3f}" for error in self.delta)
-        return f"<{type(self).__name__} mean {self.mean:.3f}, outputs {errors}>"
+        errors = " ".join(f"{error:.3f}" for error in self.error)
+        return f"<{type(self).__name__} mean {mean_error(self.error):.3f}, outputs {errors}>"
 
     def plot_match(self, data: IoData) -> NDArray[np.object_]:
         """Plot the simulated outputs over the measured ones, as Figures 2-7 and 2-8 do.
@@ -102,10 +106,8 @@ class Sfv:
 
     Attributes
     ----------
-    delta : ndarray, (outputs,)
-        Relative error of each output (2-25); NaN for a constant output.
-    mean : float
-        Mean of `delta` over the other outputs.
+    delta, mean, error
+        As of `Dmv`.
     y : ndarray, (samples, outputs)
         Outputs of the closed loop with the model.
     gains : Gains
@@ -114,6 +116,7 @@ class Sfv:
 
     delta: FloatArray
     mean: float
+    error: FloatArray
     y: FloatArray
     gains: Gains
 
@@ -150,11 +153,24 @@ def relative_errors(measured: FloatArray, simulated: FloatArray) -> FloatArray:
     return np.where(varies, np.where(np.isfinite(delta), delta, np.inf), np.nan)
 
 
+def about_mean(errors: FloatArray, measured: FloatArray) -> FloatArray:
+    """Return errors (2-25), (outputs,), relative to the deviation about the mean instead of zero.
+
+    An offset of the `measured` outputs, (samples, outputs), is there with any model and would
+    flatter them.
+    """
+    known = ~np.isnan(measured)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        mean = np.mean(measured, axis=0, where=known)
+        deviation = rms(measured - mean)
+        return np.asarray(errors * np.hypot(mean, deviation) / deviation)
+
+
 def fit_percent(measured: FloatArray, simulated: FloatArray) -> FloatArray:
     """Return the fit of each output, 100 (1 - NRMSE) with the mean removed, (outputs,).
 
-    It is 100 for a perfect model and 0 for one that gives the output's mean; delta (2-25) refers to
-    a line at zero instead. NaN in `measured` does not count, and a constant output has none.
+    It is 100 for a perfect model and 0 for one that gives the output's mean. NaN in `measured` does
+    not count, and a constant output has none.
     Ljung, "System Identification Toolbox", `compare`.
     """
     known = ~np.isnan(measured)
@@ -200,7 +216,7 @@ def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None =
     start = _initial_state(model, data) if x0 is None else _checked_state(model, x0)
     y = simulate(model, data.u, start)
     delta = relative_errors(data.y_measured, y)
-    return Dmv(delta, mean_error(delta), y, start)
+    return Dmv(delta, mean_error(delta), about_mean(delta, data.y_measured), y, start)
 
 
 def validate_sfv(
@@ -256,7 +272,7 @@ def validate_sfv(
     drive = (law.kp * data.reference + law.offset_v)[:, np.newaxis]
     y = BlockSimulation(A, model.B, model.C, model.D, start).advance(drive)
     delta = relative_errors(data.y_measured, y)
-    return Sfv(delta, mean_error(delta), y, law)
+    return Sfv(delta, mean_error(delta), about_mean(delta, data.y_measured), y, law)
 
 
 def recover_gains(data: IoData, *, limit_v: float = MAX_COMMAND_V) -> Gains | None:

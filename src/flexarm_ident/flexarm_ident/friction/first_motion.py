@@ -14,6 +14,7 @@ from flexarm_ident.fitting.levenberg_marquardt import Normal, minimise
 from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.fitting.validation import (
     Dmv,
+    about_mean,
     check_model,
     mean_error,
     relative_errors,
@@ -60,7 +61,7 @@ def validate_with_friction(
     start = fit_initial_state(model, friction, data) if x0 is None else x0
     y, _ = simulate_with_friction(model, friction, data.u, start)
     delta = relative_errors(data.y_measured, y)
-    return Dmv(delta, mean_error(delta), y, start)
+    return Dmv(delta, mean_error(delta), about_mean(delta, data.y_measured), y, start)
 
 
 def fit_initial_state(model: control.StateSpace, friction: DryFriction, data: IoData) -> FloatArray:

@@ -39,7 +39,7 @@ def _figures(found: Verdict) -> list[tuple[str, str]]:
     worst = label_and_unit(found.worst_output)[0]
     about = (
         f"error in free simulation of {data}; the worst is {worst} with {percent(found.worst)}, "
-        "a line at zero has 100 %"
+        "the mean has 100 %"
     )
     figures = [(percent(found.error), about)]
     if np.isfinite(found.missed):

@@ -36,7 +36,7 @@ def summary(outcome: Outcome) -> list[str]:
     if outcome.sfv is not None:
         lines.append(
             "Under the experiment's own control law, it misses them by "
-            f"{percent(outcome.sfv.mean)} on average."
+            f"{percent(mean_error(outcome.sfv.error))} on average."
         )
     found = outcome.identification
     return lines + vibrations(

@@ -10,9 +10,9 @@ import numpy as np
 
 from flexarm_ident.diagnostics.excitation import FEW_VALUES
 from flexarm_ident.diagnostics.spectra import spectra
-from flexarm_ident.diagnostics.verdict import missed_shares, offset_factors, verdict
+from flexarm_ident.diagnostics.verdict import missed_shares, verdict
 from flexarm_ident.fitting.residuals import residual_correlations
-from flexarm_ident.fitting.validation import fit_percent, relative_errors
+from flexarm_ident.fitting.validation import about_mean, fit_percent, relative_errors
 from flexarm_ident.records.iodata import Grade
 
 if TYPE_CHECKING:
@@ -58,7 +58,8 @@ class Outcome:
     full_dmv, dmv : tuple of Dmv
         Data matching of the full model and of `model`, one per record.
     full_dmv_errors, dmv_errors : ndarray, (outputs,)
-        Errors delta (2-25) of the full model and of `model` over all records together.
+        Errors of the full model and of `model` over all records together, relative to the
+        deviation of each record about its mean.
     sfv : Sfv or None
         Set-point following of `model` on the first record; None without a recorded reference.
     warnings : tuple of str
@@ -109,7 +110,6 @@ class Outcome:
             self.records[0].outputs,
             unseen=unseen is not None,
             defects=[name.replace("_", " ") for name in defects],
-            offset_factors=offset_factors(self.records),
             few_values=FEW_VALUES in defects,
         )
 
@@ -150,4 +150,4 @@ class Outcome:
             for record, fitted, each in zip(self.records, self.fitted, self.dmv, strict=True)
         ]
         measured, simulated = (np.vstack(each) for each in zip(*parts, strict=True))
-        return relative_errors(measured, simulated)
+        return about_mean(relative_errors(measured, simulated), measured)

@@ -61,7 +61,7 @@ class Results:
     def sfv(self) -> tuple[float, ...]:
         """Set-point following errors, likewise; empty without a recorded reference."""
         found = self.outcome.sfv
-        return () if found is None else _with_mean(found.delta)
+        return () if found is None else _with_mean(found.error)
 
     def text(self, elapsed_s: float) -> str:
         """Return the identification in one line, with the time that it took."""

@@ -16,7 +16,12 @@ from flexarm_ident.diagnostics.notes import graded
 from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.estimation.simulation_fit import is_compensated
 from flexarm_ident.estimation.streaming import excerpt, leading, validate_stream, without_bias
-from flexarm_ident.fitting.validation import recover_gains, validate_dmv, validate_sfv
+from flexarm_ident.fitting.validation import (
+    mean_error,
+    recover_gains,
+    validate_dmv,
+    validate_sfv,
+)
 from flexarm_ident.friction.dry_friction import refer_friction
 from flexarm_ident.friction.first_motion import validate_with_friction
 from flexarm_ident.records.iodata import Grade, IoData, as_records
@@ -117,7 +122,7 @@ def run(
                 identification.linear_records,
             )
         dmv = _validate(model, friction, reduction.x0, prepared)
-    powers = [_power(record.whole) for record in prepared]
+    powers = [_deviation_power(record.whole) for record in prepared]
     sfv, omitted = (None, []) if friction else _set_point_following(model, prepared[0])
     report("validation", 1.0)
     return Outcome(
@@ -219,15 +224,21 @@ def _validate(
     return tuple(found)
 
 
-def _power(record: Source) -> FloatArray:
-    return np.asarray(np.sum([np.nansum(y**2, axis=0) for _, y in record.chunks(1 << 14)], axis=0))
+def _deviation_power(record: Source) -> FloatArray:
+    """Return the sum of squares of each output about its mean, (outputs,)."""
+    power, total, count = np.zeros((3, len(record.outputs)))
+    for _, y in record.chunks(1 << 14):
+        power += np.nansum(y**2, axis=0)
+        total += np.nansum(y, axis=0)
+        count += np.count_nonzero(~np.isnan(y), axis=0)
+    return np.asarray(power - total**2 / np.maximum(count, 1.0))
 
 
 def _joined_errors(dmv: Sequence[Dmv], powers: Sequence[FloatArray]) -> FloatArray:
     """Return the errors over all records together, from those of each and the outputs' power."""
     if len(dmv) == 1:
-        return dmv[0].delta
-    deltas = np.array([each.delta for each in dmv])
+        return dmv[0].error
+    deltas = np.array([each.error for each in dmv])
     # An output that is constant in one record may vary in another.
     known = ~np.isnan(deltas)
     power = np.where(known, powers, 0.0)
@@ -277,7 +288,7 @@ def _noted(whole: Reduction, asked: int) -> Reduction:
 
 
 def _fit_error(model: control.StateSpace, records: Sequence[IoData]) -> float:
-    return float(np.mean([validate_dmv(model, record).mean for record in records]))
+    return float(np.mean([mean_error(validate_dmv(model, record).error) for record in records]))
 
 
 def _set_point_following(

@@ -5,6 +5,8 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from flexarm_ident import (
     Gains,
@@ -14,7 +16,12 @@ from flexarm_ident import (
     validate_dmv,
     validate_sfv,
 )
-from flexarm_ident.fitting.validation import frequency_response, mean_error, relative_errors
+from flexarm_ident.fitting.validation import (
+    fit_percent,
+    frequency_response,
+    mean_error,
+    relative_errors,
+)
 from support.ident_systems import DT_S, arm_model, named, random_model, record, square_wave
 
 KP, KD, KSG = 0.6, 0.4, 0.05
@@ -188,3 +195,17 @@ def test_recover_gains___some_samples_unanswered___still_exact() -> None:
     gains = recover_gains(IoData(effort, y, dt_s=1 / 300, reference=reference))
     assert gains is not None
     assert (gains.kp, gains.kd, gains.ksg) == pytest.approx((0.9, 2.5, 0.2), abs=1e-6)
+
+
+@given(st.integers(0, 1000), st.floats(-50.0, 50.0), st.floats(0.1, 10.0))
+def test_validate_dmv___error___is_the_nrmse_whatever_the_offset(
+    seed: int, offset: float, scale: float
+) -> None:
+    model = random_model(seed, 4, 2, 1)
+    data = record(model, 300, seed, noise=0.3)
+    found = validate_dmv(model, replace(data, y=scale * data.y + offset))
+    missed = np.sqrt(np.mean((scale * data.y + offset - found.y) ** 2, axis=0))
+    np.testing.assert_allclose(found.error, missed / (scale * data.y.std(axis=0)), rtol=1e-6)
+    # Ljung's fit is 100 (1 - NRMSE).
+    fit = fit_percent(scale * data.y + offset, found.y)
+    np.testing.assert_allclose(100.0 * (1.0 - found.error), fit, atol=1e-6)

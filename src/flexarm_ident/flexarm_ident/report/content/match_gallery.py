@@ -72,7 +72,7 @@ def match_gallery(outcome: Outcome, number: int, simulated: FloatArray, delta: F
 def first_match(outcome: Outcome) -> Plots:
     """Plot a lively part of the first record: the output that has the first error."""
     record, dmv = outcome.records[0], outcome.dmv[0]
-    number = int(np.flatnonzero(~np.isnan(dmv.delta))[0])
+    number = int(np.flatnonzero(~np.isnan(dmv.error))[0])
     near = near_rows(record)
     plot = near_plot(_match(record, number, dmv.y), near)
     seconds = (near.stop - near.start) * record.dt_s

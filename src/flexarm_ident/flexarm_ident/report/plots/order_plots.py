@@ -153,7 +153,7 @@ def _places(poles: Sequence[Pole]) -> tuple[list[float], list[int]]:
 def cost_plot(curves: Mapping[str, Sequence[tuple[int, float]]], *, full: float, order: int) -> str:
     """Plot the mean error of data matching over the order of the reduced model.
 
-    Errors of more than 1.5 are drawn at 1.5; 1 is that of a line at zero.
+    Errors of more than 1.5 are drawn at 1.5; 1 is that of the mean.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ def _build(subject: Subject) -> Iterator[Block]:
     yield _errors(outcome)
     yield Words(
         "The error δ is the RMS of measured minus simulated output, divided by the RMS of the "
-        "measured output (2-24), (2-25). 0 is a perfect model; 1 is no better than a line at zero. "
+        "measured output about its mean. 0 is a perfect model; 1 is no better than the mean. "
         "DMV, data matching: the model gets the measured input. "
         + (_SFV if outcome.sfv is not None else "")
         + (_LEFT_OUT if outcome.cross_validation is not None else "")
@@ -56,7 +56,7 @@ def _errors(outcome: Outcome) -> Table:
     name = "Reduced" if outcome.reduction else "Full"
     columns.append((f"{name}, DMV", outcome.dmv_errors))
     if outcome.sfv is not None:
-        columns.append((f"{name}, SFV", outcome.sfv.delta))
+        columns.append((f"{name}, SFV", outcome.sfv.error))
     fit = outcome.fit_percent
     rows = [
         (

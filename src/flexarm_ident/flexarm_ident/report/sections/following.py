@@ -24,7 +24,7 @@ def _build(subject: Subject) -> Iterator[Block]:
         f"under the law of the experiment, kp = {gains.kp:.3f}, kd = {gains.kd:.3f}, "
         f"ksg = {abs(gains.ksg):.3f}."
     )
-    yield match_gallery(outcome, 0, outcome.sfv.y, outcome.sfv.delta)
+    yield match_gallery(outcome, 0, outcome.sfv.y, outcome.sfv.error)
 
 
 SECTION = Section(

@@ -26,7 +26,7 @@ def _build(subject: Subject) -> Iterator[Block]:
         elif len(outcome.records) > RECORDS_SHOWN:
             words += f" The first {RECORDS_SHOWN} of {len(outcome.records)} records are shown."
         yield Words(words)
-        yield match_gallery(outcome, number, outcome.dmv[number].y, outcome.dmv[number].delta)
+        yield match_gallery(outcome, number, outcome.dmv[number].y, outcome.dmv[number].error)
 
 
 SECTION = Section(80, "Data matching", _build)
