@@ -10,6 +10,7 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.validation import (
+    about_mean,
     mean_error,
     recover_gains,
     relative_errors,
@@ -47,7 +48,7 @@ class StepCost:
     order : int
         Number of states.
     errors : ndarray, (outputs,)
-        Errors (2-25) of data matching over all records together.
+        Errors of data matching over all records together, as of `Outcome`.
     sfv : float or None
         Mean error of set-point following on the first record; None where it does not apply.
     """
@@ -157,15 +158,14 @@ def _reduced(
 
 def _errors(model: control.StateSpace, records: Sequence[IoData]) -> FloatArray:
     simulated = [validate_dmv(model, record).y for record in records]
-    return relative_errors(
-        np.vstack([record.y_measured for record in records]), np.vstack(simulated)
-    )
+    measured = np.vstack([record.y_measured for record in records])
+    return about_mean(relative_errors(measured, np.vstack(simulated)), measured)
 
 
 def _following(model: control.StateSpace, record: IoData, law: Gains | None) -> float | None:
     if law is None:
         return None
     try:
-        return validate_sfv(model, record, law).mean
+        return mean_error(validate_sfv(model, record, law).error)
     except IdentificationError:
         return None

@@ -176,7 +176,7 @@ def test_render_report___outcome___lists_every_error(outcome: Outcome, text: str
     measured = outcome.records[0].y
     assert outcome.cross_validation is not None
     deltas = [
-        np.sqrt(((measured - simulated) ** 2).sum(axis=0) / (measured**2).sum(axis=0))
+        np.sqrt(((measured - simulated) ** 2).mean(axis=0) / measured.var(axis=0))
         for simulated in (outcome.full_dmv[0].y, outcome.dmv[0].y, outcome.sfv.y)
     ]
     deltas.insert(1, outcome.cross_validation.error)
@@ -237,7 +237,7 @@ def test_render_report___simulation_that_runs_away___is_still_drawn(small: Outco
     wild = np.full_like(small.dmv[0].y, np.nan)
     wild[:100], wild[100:200], wild[200:300] = 0.0, 1e300, -np.inf
     delta = np.full(1, np.inf)
-    dmv = replace(small.dmv[0], y=wild, delta=delta, mean=np.inf)
+    dmv = replace(small.dmv[0], y=wild, delta=delta, error=delta, mean=np.inf)
     text = rendered(replace(small, dmv=(dmv,), dmv_errors=delta))
     page = Page(text)
     assert "δ = ∞" in page.text
@@ -289,7 +289,7 @@ def test_render_report___outcome___tells_what_each_step_of_the_reduction_costs(
     assert chosen[0] == "9"
     assert chosen[1:5] == [f"{delta:.4f}" for delta in outcome.dmv_errors]
     assert outcome.sfv is not None
-    assert float(chosen[7]) == pytest.approx(outcome.sfv.mean, abs=1e-4)
+    assert float(chosen[7]) == pytest.approx(outcome.sfv.error.mean(), abs=1e-4)
     (marked,) = re.findall(r'<tr class="marked"><th scope="row">(M[^<]*)', text)
     assert marked == "MRMC, B refitted"
 
