@@ -20,6 +20,9 @@ os.environ.pop("FLEXARM_CALLED", None)
 # inherit that: Ctrl-C could not be tried.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# Behind `nohup` the nodes of the tests would stand alone.
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # An example that takes long says that the machine is busy, and nothing about flexarm.
 # A run says today what it says tomorrow; `--hypothesis-profile explore` looks elsewhere each time.
