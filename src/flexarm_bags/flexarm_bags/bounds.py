@@ -236,8 +236,12 @@ def _require_few_records(label: str, packed: bytes, sizes: ChunkSizes) -> None:
 def storages(reader: AnyReader) -> list[Any]:
     """Return the storage files of an open bag."""
     # rosbags has a storage for a folder, which holds those of its files, or that of a single file.
-    storage: Any = getattr(reader.readers[0], "storage", None)
-    return list(storage.storages) if isinstance(storage, DirectoryReader) else [storage]
+    found: list[Any] = [getattr(each, "storage", None) for each in reader.readers]
+    return [
+        storage
+        for each in found
+        for storage in (each.storages if isinstance(each, DirectoryReader) else [each])
+    ]
 
 
 def allowed_bytes(reader: AnyReader) -> int:

@@ -17,6 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from flexarm_bags.bounds import PACKED, bounded, require_bounded_file, require_bounded_messages
 from flexarm_bags.content import ContentCheck
+from flexarm_bags.encodings import foreign_topics, ros_messages
 from flexarm_bags.known_types import require_known_order
 from flexarm_bags.mcap_check import McapExamination, TopicMessages
 from flexarm_bags.metadata import in_order, read_information
@@ -135,7 +136,7 @@ class _Check:
     def _opened(self, plain: Path, stack: ExitStack) -> AnyReader | None:
         """Open the bag for its definitions, which rosbags compares with their type hashes."""
         try:
-            reader = stack.enter_context(AnyReader([plain]))
+            reader = stack.enter_context(AnyReader([stack.enter_context(ros_messages(plain))]))
             require_bounded_messages(reader)
             self._content.connect(reader)
         except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
@@ -182,8 +183,9 @@ class _Check:
         self, file: Path, information: Mapping[str, Any], *, hand_on: bool
     ) -> Iterator[TopicMessages]:
         examination = McapExamination(file)
+        foreign = foreign_topics(file)
         for messages in examination.messages():
-            if hand_on:
+            if hand_on and messages.topic not in foreign:
                 yield messages
         has_no_facts = self._path.is_dir() and not information
         self._is_cut |= bool(examination.counts) and (examination.is_cut or has_no_facts)
@@ -191,7 +193,11 @@ class _Check:
         self._notes += examination.notes
         for channel in examination.channels.values():
             schema = examination.schemas.get(channel.schema_id)
-            if schema is None:
+            if channel.topic in foreign:
+                self._notes.append(
+                    f"{file.name}: {channel.topic} is {foreign[channel.topic]}, which is not read"
+                )
+            elif schema is None:
                 self._problems.append(f"{file.name}: {channel.topic} has no definition")
         if information and examination.library.startswith(_OURS):
             self._compare_file(examination, information)

@@ -155,6 +155,22 @@ def in_order(files: Iterable[Path]) -> list[Path]:
     return sorted(files, key=number)
 
 
+def parts_of(path: Path) -> list[Path]:
+    """Return what is opened of a bag: itself, or the files of a folder that does not name them.
+
+    A folder may lack its metadata, or have metadata without a storage, as `ros2 bag reindex` leaves
+    them.
+    """
+    if not path.is_dir():
+        return [path]
+    files = in_order([*path.glob("*.mcap"), *path.glob("*.db3")])
+    if not files:
+        return [path]
+    if not (path / FILE_NAME).exists():
+        return files
+    return [path] if read_information(path).get("storage_identifier") else files
+
+
 def require_bag(path: Path) -> None:
     """Raise a BagError for a path that is no bag, before any parser wonders about its bytes."""
     if not path.exists():

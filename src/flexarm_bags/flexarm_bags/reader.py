@@ -25,8 +25,9 @@ from flexarm_bags.bounds import (
     require_honest_chunks,
     storages,
 )
+from flexarm_bags.encodings import ros_messages
 from flexarm_bags.known_types import require_known_order
-from flexarm_bags.metadata import repair_advice
+from flexarm_bags.metadata import parts_of, repair_advice
 from flexarm_bags.records.chunks import (
     IndexedFile,
     Messages,
@@ -137,7 +138,7 @@ class Channels:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Bag]:
-    """Open a rosbag2 folder or a single ``.mcap`` or ``.db3`` file.
+    """Open a rosbag2 folder, its files without metadata, or a single ``.mcap`` or ``.db3`` file.
 
     Raises
     ------
@@ -147,10 +148,11 @@ def opened(path: Path) -> Iterator[Bag]:
     """
     try:
         with ExitStack() as stack:
-            plain = stack.enter_context(bounded(path))
+            plain = [stack.enter_context(bounded(each)) for each in parts_of(path)]
+            plain = [stack.enter_context(ros_messages(each)) for each in plain]
             # Databases of older recorders have no definitions.
             common = get_typestore(Stores.ROS2_JAZZY)
-            reader = stack.enter_context(AnyReader([plain], default_typestore=common))
+            reader = stack.enter_context(AnyReader(plain, default_typestore=common))
             require_bounded_messages(reader)
             require_known_order(reader, common)
             streams = [stack.enter_context(file.open("rb")) for file in _plain_mcap_files(reader)]
@@ -246,7 +248,7 @@ class Bag:
         BagError
             If there are none, their type is unknown, or they do not follow its definition.
         """
-        return self._grouped(topic, self._messages(topic))
+        return self._grouped(topic, self._messages(topic).in_order())
 
     def first(self, topic: str) -> Grouped:
         """Return the first message of a topic of any type alone; errors as in `grouped`."""

@@ -38,7 +38,7 @@ from flexarm_bags.records.layout import (
     walk,
     whole_records,
 )
-from flexarm_bags.writer import RecordingError, whole_bag
+from flexarm_bags.writer import LATEST_TIME_NS, RecordingError, whole_bag
 from flexarm_core.bounds import BoundError, require_plain_file, too_much, unpacked_bytes_allowed
 from flexarm_core.errors import BagError, one_line
 
@@ -179,7 +179,9 @@ class _FileRepair:
         for record in self._contents():
             if isinstance(record, Message):
                 topic = self._topics.get(record.channel_id)
-                if topic is not None:
+                if max(record.log_time, record.publish_time) > LATEST_TIME_NS:
+                    self._note("a message whose time is beyond 2^63 ns is left out")
+                elif topic is not None:
                     yield topic, record
                 else:
                     self._note(

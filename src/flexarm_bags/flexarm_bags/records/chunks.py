@@ -75,6 +75,28 @@ class Messages:
                 found[number] = row.tobytes()
         return found
 
+    def in_order(self) -> Messages:
+        """Return the messages by their instants: a file may have its chunks in any order.
+
+        They stay where the instants of a clock that was set back would mingle with those before.
+        """
+        times_ns = self.log_times_ns
+        steps = np.diff(times_ns)
+        order = np.argsort(times_ns, kind="stable")
+        ahead = steps[steps > 0]
+        if np.all(steps >= 0) or not len(ahead):
+            return self
+        if 2 * np.median(np.diff(times_ns[order])) <= np.median(ahead):
+            return self
+        numbers_now = np.empty_like(order)
+        numbers_now[order] = np.arange(len(order))
+        groups = []
+        for numbers, rows in self.groups:
+            now = numbers_now[numbers]
+            by_number = np.argsort(now)
+            groups.append((now[by_number], rows[by_number]))
+        return Messages(times_ns[order], groups)
+
     def first(self) -> Messages:
         """Return the first message alone."""
         (raw,) = (rows[0].tobytes() for numbers, rows in self.groups if numbers[0] == 0)

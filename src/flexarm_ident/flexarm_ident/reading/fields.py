@@ -81,12 +81,34 @@ def values_of(messages: Grouped, path: str) -> FloatArray | None:
     """
     values = np.full(len(messages), np.nan)
     is_there = False
+    path = _named_path(messages, path)
     for numbers, columns in messages.groups:
         found = _column(columns, path)
         if found is not None:
             values[numbers] = found
             is_there = True
     return values if is_there else None
+
+
+def _named_path(messages: Grouped, path: str) -> str:
+    """Return a path with the name in the place of a number, where each message names its values.
+
+    Two publishers may have the joints of `JointState` in other orders, and one may change its own:
+    the number is that of the first message.
+    """
+    match = _ELEMENT.fullmatch(path)
+    if match is None or not match["key"].isdecimal():
+        return path
+    numbers, columns = min(messages.groups, key=lambda group: group[0][0])
+    array, place = columns.get(match["array"]), int(match["key"])
+    if array is None or array.ndim == 1 or place >= array.shape[1]:
+        return path
+    first = int(np.argmin(numbers))
+    for texts in _text_lists(columns, array.shape[1]):
+        names = [bytes(text[first]).decode("utf-8", "replace") for text in texts]
+        if names.count(names[place]) == 1 and not names[place].isdecimal():
+            return f"{match['array']}[{names[place]}]"
+    return path
 
 
 def _column(columns: Mapping[str, Column], path: str) -> FloatArray | None:

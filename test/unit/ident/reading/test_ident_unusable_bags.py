@@ -70,12 +70,6 @@ def metadata_only(path: Path) -> Path:
     return bag
 
 
-def no_metadata(path: Path) -> Path:
-    bag = write_bag(path / "run", open_loop([1, 2, 3]))
-    (bag / "metadata.yaml").unlink()
-    return bag
-
-
 def garbage_metadata(path: Path) -> Path:
     bag = write_bag(path / "run", open_loop([1, 2, 3]))
     (bag / "metadata.yaml").write_bytes(bytes(range(256)))
@@ -164,7 +158,6 @@ def big_endian(path: Path) -> Path:
     [
         (no_folder, "no such bag"),
         (empty_folder, "no bag: the folder has no metadata.yaml"),
-        (no_metadata, "run: no bag: the folder has no metadata.yaml; end the record if it still "),
         (metadata_only, "truncated or damaged: Some database files are missing"),
         (garbage_metadata, "run: metadata.yaml: cannot be read: "),
         (foreign_metadata, "run: metadata.yaml: cannot be read: "),
