@@ -138,7 +138,7 @@ def test_joint_states___whose_names_change_places___are_taken_by_name(tmp_path: 
     names = ["shoulder", "motor"]
     values = np.stack([first, second], axis=1)
     straight = joint_states(times_ns[:20], names, values[:20])
-    crossed = joint_states(times_ns[20:], names[::-1], values[20:, ::-1])
+    crossed = joint_states(times_ns[20:], names[::-1], values[20:, ::-1].copy())
     both = type(straight)(
         "/joint_states", straight.type_name, times_ns, [*straight.raws, *crossed.raws]
     )
