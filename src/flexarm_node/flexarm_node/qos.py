@@ -28,6 +28,13 @@ SEEN = QoSProfile(
 )
 """For a viewer of samples: its writer neither waits for it nor repeats anything."""
 
+RECORDED = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""For the recorder: what it has not read is not acknowledged, and waited for in virtual time."""
+
 EVERY = _reliable(10000)
 """For a reader that must see every message although its process pauses: the recorder."""
 

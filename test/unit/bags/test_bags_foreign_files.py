@@ -68,7 +68,7 @@ def numbers(path: Path) -> list[float]:
     with opened(path) as bag:
         found = values_of(bag.grouped(TOPIC), "data")
     assert found is not None
-    return found.tolist()
+    return [float(value) for value in found]
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -38,7 +38,7 @@ from flexarm_daq.nodes.recording import Recording
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
-from flexarm_node.qos import EVERY, SEEN, STATUS
+from flexarm_node.qos import EVERY, RECORDED, SEEN, STATUS
 from flexarm_node.reports import Level, Report, Reporter, entries
 from flexarm_node.topics.waiting import RawTopicsWaiter, node_names
 
@@ -68,7 +68,7 @@ class RecorderNode(Node):
         names = [name for name in TOPICS if name in wanted]
         resolved = [self.resolve_topic_name(name) for name in names]
         self._topics = recorded_topics(names, resolved)
-        self._waiter = RawTopicsWaiter(self, [(TOPICS[name][0], name, EVERY) for name in names])
+        self._waiter = RawTopicsWaiter(self, [(TOPICS[name][0], name, RECORDED) for name in names])
         self._in_force = []
         for number, (topic, name) in enumerate(zip(resolved, names, strict=True)):
             if name in IN_FORCE:

@@ -37,6 +37,8 @@ _UNKNOWN = [math.nan] * len(BEND_JOINTS)
 """Speed and torque of a virtual joint: no sensor tells them."""
 _JOINT_STATES_HZ = 50.0
 _CLOCK = "/clock"
+_BACKLOG = 2000
+"""Samples that a reader may be behind in virtual time: less than it holds."""
 _SHARED_REPORTS = 3
 """Reports, one a second, after which another publisher of the time is one that stays."""
 
@@ -76,9 +78,11 @@ class TopicLink:
         self._newest_ns = 0
         self._unsent: tuple[Numbers, Record] | None = None
         self._is_others_turn = False
+        self._virtual = False
 
     def start(self, rate_hz: float, *, virtual: bool, clock: bool, await_commander: bool) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
+        self._virtual = virtual
         if not (virtual and clock):
             self._release_clock()
         elif self._clock is None:
@@ -131,6 +135,9 @@ class TopicLink:
 
     def _send(self, sample: Numbers, record: Record) -> None:
         self._publisher.publish(self._layout.pack(*sample))
+        if self._virtual and record.sequence % _BACKLOG == 0:
+            # The arm's time waits for its recorder as well.
+            self.await_readers()
         if self._clock is not None and self._clock.get_subscription_count():
             set_stamp(self._now.clock, self._newest_ns)
             self._clock.publish(self._now)
