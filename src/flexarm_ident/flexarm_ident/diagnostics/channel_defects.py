@@ -103,8 +103,8 @@ def offsets(records: Sequence[IoData]) -> Iterator[DataWarning]:
             mean, deviation = _mean_and_deviation(x)
             yield DataWarning(
                 "offset",
-                f"{name} is almost all offset: remove its bias first (mean {mean:.4g}, deviation "
-                f"{deviation:.2g})",
+                f"{name} is almost all offset (mean {mean:.4g}, deviation {deviation:.2g}): "
+                "remove its bias where no note says that it was removed (--bias mean)",
                 {"mean": mean, "deviation": deviation},
                 channel=name,
             )

@@ -36,6 +36,11 @@ _WORSE = 1.005
 _AVOIDABLE = 0.5
 _VALIDATE = "validate it on another record, or fit a leading part of this one (train_fraction)"
 
+_KEEP_UNSTABLE = (
+    "identify a short part with --keep-unstable (stable=False), as the plant is unstable in its "
+    "loop and this model was made stable"
+)
+
 
 class Level(IntEnum):
     """Level of a model, the best first."""
@@ -99,6 +104,7 @@ def verdict(
     unseen: bool,
     defects: Sequence[str] = (),
     few_values: bool = False,
+    unstable: bool = False,
 ) -> Verdict:
     """Return the verdict from the figures of each output.
 
@@ -117,6 +123,8 @@ def verdict(
     few_values : bool
         Whether the records have too few values for errors on parts of them to be relied on: the
         model is no better than usable then.
+    unstable : bool
+        Whether the plant is unstable and the model was made stable.
     """
     known = np.flatnonzero(~np.isnan(errors))
     number = int(known[np.argmax(errors[known])])
@@ -131,6 +139,8 @@ def verdict(
     if few_values:
         level = max(level, Level.USABLE)
     step = _next_step(level, share, outputs[number], unseen=unseen, defects=defects)
+    if unstable and level > Level.GOOD:
+        step = _KEEP_UNSTABLE
     return Verdict(level, error, worst, outputs[number], share, unseen, step)
 
 

@@ -46,6 +46,8 @@ _SCATTER = 0.03
 # Bending modes stand farther apart; one mode that high orders split stands this near to itself.
 NEAR = 0.06
 """Distance of neighbours of which one at most is the plant's, in units of their frequency."""
+_OTHER_SHAPE = 0.5
+_DISTINCT = 4.0
 PHYSICAL, SPLIT, NOISE = "physical", "split", "noise"
 """What a recurring mode is: the plant's, one of neighbours of which at most one is, or neither."""
 
@@ -171,13 +173,25 @@ def near_modes(judged: Sequence[JudgedMode]) -> list[tuple[float, ...]]:
     judged : sequence of JudgedMode
         Modes that recur, by rising frequency.
     """
-    groups: list[list[float]] = []
-    for frequency_hz in (each.mode.frequency_hz for each in judged if each.is_physical):
-        if groups and frequency_hz - groups[-1][-1] < NEAR * frequency_hz:
-            groups[-1].append(frequency_hz)
+    groups: list[list[RecurringMode]] = []
+    for mode in (each.mode for each in judged if each.is_physical):
+        if groups and not _are_two(groups[-1][-1], mode):
+            groups[-1].append(mode)
         else:
-            groups.append([frequency_hz])
-    return [tuple(group) for group in groups if len(group) > 1]
+            groups.append([mode])
+    return [tuple(mode.frequency_hz for mode in group) for group in groups if len(group) > 1]
+
+
+def _are_two(lower: RecurringMode, upper: RecurringMode) -> bool:
+    """Return whether two modes are far apart, or move differently and keep their distance."""
+    apart_hz = upper.frequency_hz - lower.frequency_hz
+    if apart_hz >= NEAR * upper.frequency_hz:
+        return True
+    # Modal assurance criterion: 1 for the same shape, as with one output always.
+    powers = (np.vdot(each.shape, each.shape).real for each in (lower, upper))
+    mac = abs(np.vdot(lower.shape, upper.shape)) ** 2 / np.prod(list(powers))
+    scatter_hz = np.hypot(lower.frequency_std_hz, upper.frequency_std_hz)
+    return bool(mac < _OTHER_SHAPE and apart_hz > _DISTINCT * scatter_hz)
 
 
 class _Weighing(NamedTuple):

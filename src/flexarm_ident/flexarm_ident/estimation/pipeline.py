@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_core.labels import counted
+from flexarm_ident.diagnostics.instability import FAR_OUTSIDE
 from flexarm_ident.estimation.candidates import fitted
 from flexarm_ident.estimation.direct_term import calls_for_feedthrough
 from flexarm_ident.estimation.identification import Identification
@@ -38,9 +39,6 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.records.source import Source
-
-# Noise leaves eigenvalues of stable plants less far outside.
-_FAR_OUTSIDE = 1.005
 
 
 @one_thread()
@@ -278,7 +276,7 @@ def _linear_model(
 def _far_outside(A: FloatArray) -> str:
     """Return what to do where an eigenvalue is that far outside that the plant may be unstable."""
     largest = float(np.abs(np.linalg.eigvals(A)).max())
-    if largest < _FAR_OUTSIDE:
+    if largest < FAR_OUTSIDE:
         return ""
     return (
         f", the largest of magnitude {largest:.4f}: a plant that is unstable itself keeps its own "

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.diagnostics.excitation import FEW_VALUES
+from flexarm_ident.diagnostics.instability import is_unstable
 from flexarm_ident.diagnostics.spectra import spectra
 from flexarm_ident.diagnostics.verdict import missed_shares, verdict
 from flexarm_ident.fitting.residuals import residual_correlations
@@ -111,6 +112,7 @@ class Outcome:
             unseen=unseen is not None,
             defects=[name.replace("_", " ") for name in defects],
             few_values=FEW_VALUES in defects,
+            unstable=self._made_stable(),
         )
 
     @cached_property
@@ -132,6 +134,14 @@ class Outcome:
     def spectra(self) -> Spectra | None:
         """Nonparametric frequency response and coherence of the records; None for short ones."""
         return spectra(self.records)
+
+    def _made_stable(self) -> bool:
+        """Return whether the plant is unstable and its model was made stable."""
+        found = self.identification
+        if not (found.moved_eigenvalues and found.stable):
+            return False
+        raw = found.subspace.matrices(found.order)
+        return is_unstable(raw.A, raw.C, self.records)
 
     def _unseen_errors(self) -> FloatArray | None:
         """Return the errors of `model` on data that were left out of its fit, if there are any."""

@@ -90,6 +90,12 @@ def test_verdict___few_values___is_never_good() -> None:
     assert found.next_step == "mend the data first (few values), see the notes"
 
 
+def test_verdict___outputs_missed_by_different_parts___share_is_joined_by_power() -> None:
+    found = verdict(np.array([0.3, 0.1]), np.array([1.0, 0.0]), ("a", "b"), unseen=True)
+    # 0.3**2 / (0.3**2 + 0.1**2); by amplitude it would be 0.75, without weights 0.5.
+    assert found.missed == pytest.approx(0.9)
+
+
 @pytest.mark.parametrize("noise", [0.1, 1.0])
 def test_missed_shares___error_that_is_noise___is_none(noise: float) -> None:
     data = record(random_model(1), 20_000, 1, noise=noise)

@@ -7,7 +7,8 @@ from scipy.signal import lfilter
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident import IoData, identify, preprocess, read_bag
-from flexarm_ident.estimation.physical_modes import recurring
+from flexarm_ident.diagnostics.stabilisation import RecurringMode
+from flexarm_ident.estimation.physical_modes import JudgedMode, near_modes, recurring
 from support.ident_systems import DT_S, arm_model, step_by_step
 from support.project import BAGS
 
@@ -71,3 +72,18 @@ def test_recurring_modes___beneath_strong_noise___are_still_those_of_the_plant()
     found = identify(IoData(u, y, dt_s=DT_S), method="orse_iv", block_rows=30).recurring_modes
     physical_hz = [round(each.mode.frequency_hz) for each in found if each.is_physical]
     assert physical_hz[:2] == [9, 24]
+
+
+def close_pair(*shapes: tuple[complex, complex], std_hz: float = 0.001) -> list[JudgedMode]:
+    modes = [
+        RecurringMode(hz, 0.01, std_hz, 0.001, 9, 1.0, (9,), (hz,), np.array(shape))
+        for hz, shape in zip((12.0, 12.25), shapes, strict=True)
+    ]
+    return [JudgedMode(mode, 1.0, is_physical=True) for mode in modes]
+
+
+def test_near_modes___neighbours_of_other_shapes_at_fixed_distance___are_two() -> None:
+    assert near_modes(close_pair((1.0, 1.0), (1.0, -0.8))) == []
+    # One mode that is split has one shape, and noise moves it over the orders.
+    assert near_modes(close_pair((1.0, 1.0), (1.0, 0.8))) == [(12.0, 12.25)]
+    assert near_modes(close_pair((1.0, 1.0), (1.0, -0.8), std_hz=0.1)) == [(12.0, 12.25)]

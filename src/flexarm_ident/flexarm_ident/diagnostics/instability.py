@@ -1,0 +1,58 @@
+"""Instability of the plant itself, told from eigenvalues that noise put outside the circle."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.models.state_space import stabilise
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+
+FAR_OUTSIDE = 1.005
+"""Magnitude of an eigenvalue that noise does not give to a model of a stable plant."""
+_GROWTH = 20.0
+_PIECES = 100
+# A stable plant's pieces are missed by the same with the eigenvalue on either side.
+_BETTER = 0.7
+
+
+def is_unstable(A: FloatArray, C: FloatArray, records: Sequence[IoData]) -> bool:
+    """Return whether short pieces of the records follow A better than A with stable eigenvalues.
+
+    Each piece has its own initial state and is so short that the response grows twentyfold.
+
+    Parameters
+    ----------
+    A : ndarray, (states, states)
+        State matrix as estimated.
+    C : ndarray, (outputs, states)
+        Output matrix.
+    records : sequence of IoData
+        Records of one rig, in memory.
+    """
+    largest = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
+    if largest < FAR_OUTSIDE:
+        return False
+    length = max(round(np.log(_GROWTH) / np.log(largest)), 4 * len(A))
+    pieces = [
+        record.rows(slice(first, first + length))
+        for record in records
+        for first in range(0, len(record) - length + 1, length)
+    ][:_PIECES]
+    if len(pieces) < 2:  # noqa: PLR2004 - one piece has as many free initial states as records
+        return False
+    try:
+        own, moved = (
+            np.nanmean(fit_inputs(each, C, pieces).error) for each in (A, stabilise(A)[0])
+        )
+    except IdentificationError:
+        return False
+    return bool(own < _BETTER * moved)
