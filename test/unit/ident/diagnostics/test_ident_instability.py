@@ -51,7 +51,7 @@ def test_is_unstable___stable_plant_with_an_eigenvalue_put_outside___is_not(seed
     data = in_its_loop((own, np.array([5.0, 0.5])), rng.uniform(0.05, 1.0), seed)
     rotation = linalg.expm(own * data.dt_s)
     # The estimate is wrong by noise: the pair's own modes, and 1.01 to 1.05 beside them.
-    A = linalg.block_diag(rotation, rng.uniform(1.01, 1.05))
+    A = linalg.block_diag(rotation, np.diag([rng.uniform(1.01, 1.05)]))
     C = np.array([[1.0, 0.0, 0.3]])
     assert not is_unstable(A, C, [data])
 
