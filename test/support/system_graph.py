@@ -69,7 +69,11 @@ TRANSITIONS = {
 _POLL_S = 0.05
 _END_S = 10.0
 _MARK = "FLEXARM_TEST_GRAPH"
-FIRST_WORD = re.compile(r"^flexarm(?: \w+)?: (?:at work|the machine is busy.*)\n", re.MULTILINE)
+FIRST_WORD = re.compile(
+    r"^(?:flexarm(?: \w+)?: (?:at work|the machine is busy.*)|  waiting for .* so far)\n",
+    re.MULTILINE,
+)
+"""What a verb says only where the machine is busy."""
 _DOMAINS = count(os.getpid())
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 BAG = BAGS / "c_dat3_0g"
-OF_CHANNELS = ("inputs", "outputs", "clock", "held", "from_s", "to_s")
+OF_CHANNELS = ("inputs", "outputs", "clock", "held", "from_s", "to_s", "times", "wrap")
 OF_SEVERAL = ("each", "jobs", "dask", "parquet")
 
 
@@ -37,7 +37,16 @@ def names_in(folder: Path) -> set[str]:
 
 def test_command___has_an_option_for_every_field_of_a_request() -> None:
     options = {option.name for option in identify.params}
-    of_files = {"bags", "out", "map_file", "export", "force", *OF_CHANNELS, *OF_SEVERAL}
+    of_files = {
+        "bags",
+        "out",
+        "map_file",
+        "export",
+        "force",
+        "output_only",
+        *OF_CHANNELS,
+        *OF_SEVERAL,
+    }
     assert {field.name for field in fields(Request)} == options - of_files
     defaults = {option.name: option.default for option in identify.params}
     for field in fields(Request):
@@ -50,7 +59,7 @@ def test_report_command___has_the_options_of_identify() -> None:
     of_identify, of_report = (
         {option.name for option in verb.params} for verb in (identify, report)
     )
-    assert of_identify - of_report == {"export", *OF_SEVERAL}
+    assert of_identify - of_report == {"export", "output_only", *OF_SEVERAL}
     assert of_report <= of_identify
 
 

@@ -52,7 +52,7 @@ def _named(value: Any) -> Any:  # noqa: ANN401 - messages
             {"max_age_periods": -1},
             "parameter max_age_periods is out of its range, 0 to 1000",
         ),
-        ("daq", {"rig": "other"}, "parameter rig = 'other': must be one of simulated"),
+        ("daq", {"rig": "other"}, "rig 'other': no such file, and no packaged rig"),
         (
             "daq",
             {"time": "virtual", "rate_hz": 1000.0, "reply_delay_s": 0.002},
