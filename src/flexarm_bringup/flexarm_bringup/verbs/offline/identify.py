@@ -221,11 +221,13 @@ def identify(
     output_only = options["output_only"]
     if output_only and (each or export):
         raise click.UsageError("--output-only makes no model: leave out --each and --export")
-    if output_only and options["inputs"]:
-        raise click.UsageError("--output-only takes no --input: leave one of them out")
+    if output_only and (options["inputs"] or map_file):
+        raise click.UsageError("--output-only takes no --input and no --map: leave one of them out")
     columns = taken_columns(bags, map_file, options)
     exports, span = parse_exports(export), taken_span(options)
     channels = taken_channels(options, bags[0])
+    if output_only and Request(**options) != Request():
+        raise click.UsageError("--output-only makes no model: leave out the options of one")
     if not each and (jobs is not None or dask or parquet):
         raise click.UsageError("--jobs, --dask and --parquet belong to --each")
     with as_bags(bags, columns) as records:

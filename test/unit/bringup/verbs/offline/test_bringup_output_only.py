@@ -68,6 +68,8 @@ def test_identify___of_noise_alone___says_that_there_is_no_mode(log: Path, tmp_p
         ([], "modes alone need no input: --output-only"),
         (["--output-only", "--input", "accel_x"], "--output-only takes no --input"),
         (["--output-only", "--each"], "makes no model"),
+        (["--output-only", "--order", "4"], "makes no model: leave out the options of one"),
+        (["--output-only", "--reduction", "mrm"], "makes no model: leave out the options of one"),
     ],
 )
 def test_identify___of_a_log_without_an_input___names_the_way(
