@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mcap.reader import NonSeekingReader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import Stores, get_typestore
@@ -329,8 +330,27 @@ class Bag:
         if messages is None:
             messages = self._one_by_one(topic)
         if not len(messages.log_times_ns):
+            # The summary may lack the indexes or the channels, which rosbags goes by.
+            messages = self._streamed(topic)
+        if not len(messages.log_times_ns):
             raise BagError(f"{self.path}: no messages on {topic}")
         return messages
+
+    def _streamed(self, topic: str) -> Messages:
+        """Return the messages of a topic, read through the whole files."""
+        allowed = allowed_bytes(self.reader)
+        times_ns, raws = [], []
+        for file in self.files:
+            require_honest_chunks(file.stream)
+            file.stream.seek(0)
+            for _, channel, message in NonSeekingReader(file.stream).iter_messages([topic]):
+                if channel.topic == topic:
+                    times_ns.append(message.log_time)
+                    raws.append(message.data)
+                    allowed -= len(message.data) + _OBJECT_BYTES
+                if allowed < 0:
+                    raise BoundError(f"{topic} has too many messages to be read one by one")
+        return Messages.of(times_ns, raws)
 
     def _one_by_one(self, topic: str) -> Messages:
         """Return the messages of a topic, read one by one."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 
 from flexarm_bags.check import check_bag
 from flexarm_bags.reader import opened
@@ -36,13 +36,11 @@ def write(
     topic: Topic | None,
     order: Sequence[int],
     others: Sequence[tuple[str, str]] = (),
-    *,
-    indexed: bool = True,
+    **kinds: Any,  # noqa: ANN401 - of the writer
 ) -> Path:
     """Write a file of small chunks, its messages in an order, and one message of each encoding."""
-    kinds = {} if indexed else {"index_types": 0, "repeat_channels": False, "use_statistics": False}
     with file.open("wb") as stream:
-        writer = Writer(stream, chunk_size=2000, compression=CompressionType.NONE, **kinds)  # type: ignore[arg-type]
+        writer = Writer(stream, chunk_size=2000, compression=CompressionType.NONE, **kinds)
         writer.start("ros2", "somebody's recorder")
         if topic is not None:
             text = TYPES.generate_msgdef(topic.type_name, ros_version=2)[0]
@@ -172,3 +170,25 @@ def test_own_bag___in_the_order_of_writing___is_unchanged(tmp_path: Path) -> Non
     for path in (tmp_path / "bag", alone):
         with opened(path) as found:
             assert len(found.recorded("/flexarm/state")) == 50
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        {"index_types": IndexType.NONE},
+        {"index_types": IndexType.CHUNK},
+        {"index_types": IndexType.MESSAGE},
+        {"use_statistics": False},
+        {"use_summary_offsets": False},
+        {"repeat_channels": False, "repeat_schemas": False},
+        {"use_chunking": False},
+        {"index_types": IndexType.NONE, "use_statistics": False, "repeat_channels": False},
+    ],
+    ids=str,
+)
+def test_file___without_parts_of_its_summary___is_read_where_the_check_calls_it_good(
+    tmp_path: Path, kinds: dict[str, Any]
+) -> None:
+    file = write(tmp_path / "run.mcap", forces(), range(600), **kinds)
+    assert not check_bag(file).problems
+    assert numbers(file) == list(range(600))
