@@ -36,6 +36,11 @@ if TYPE_CHECKING:
 HEADER, RECEIVE = "header", "receive"
 CLOCKS = (HEADER, RECEIVE)
 _SECONDS, _NANOSECONDS = "header.stamp.sec", "header.stamp.nanosec"
+# Clocks of two machines that agree so well, and a difference of so many deviations, are no matter.
+_SAME_PACE, _SURE = 1e-4, 10.0
+# Times of a simulation pass at any pace.
+_SIMULATED = 0.02
+_FEWEST_STAMPS = 100
 # A signal whose steps are longer, in periods, is slow.
 _SLOW = 1.5
 # A record that is shorter than its longest signal by this part is worth a word.
@@ -116,6 +121,9 @@ def selected(bag: Bag, chosen: Selection, wrap: float | None = None) -> IoData:
             raise wrong_topic(bag, field)
     messages = {topic: bag.grouped(topic) for topic in {each.topic: None for each in fields}}
     clock, said = _clock(bag, messages, chosen.clock)
+    if clock == HEADER:
+        said += _off_pace(messages)
+    said += _no_numbers(chosen.inputs, messages)
     sent = evened if clock == RECEIVE else Evened
     driven, measured = (
         [_track(bag, field, messages[field.topic], clock) for field in role]
@@ -160,6 +168,47 @@ def _clock(bag: Bag, messages: Messages, asked: str | None) -> tuple[str, list[D
         "delays on the way to the recorder count as the rig's"
     )
     return RECEIVE, [DataWarning("receive_clock", text, {}, grade=Grade.INFORMATION)]
+
+
+def _off_pace(messages: Messages) -> Iterator[DataWarning]:
+    """Yield the topics whose header clock does not pass as that of the recorder does.
+
+    One that is far off is the time of a simulation.
+    """
+    for topic, found in messages.items():
+        stamps_ns = _stamps_ns(found)
+        if stamps_ns is None or len(stamps_ns) < _FEWEST_STAMPS:
+            continue
+        received_s, stamped_s = (
+            (each - each[0]) / NS for each in (found.log_times_ns, np.asarray(stamps_ns))
+        )
+        around = received_s - received_s.mean()
+        power = float(around @ around)
+        if not power > 0.0:
+            continue
+        pace = float(around @ stamped_s) / power
+        late_s = stamped_s - stamped_s.mean() - pace * around
+        deviation = float(np.std(late_s)) / np.sqrt(power)
+        if max(_SAME_PACE, _SURE * deviation) < abs(pace - 1.0) < _SIMULATED:
+            text = (
+                f"{topic}: its header stamps pass {abs(1e6 * (pace - 1.0)):.0f} ppm "
+                f"{'faster' if pace > 1.0 else 'slower'} than the recorder's clock, and so do all "
+                f"frequencies: if that clock is wrong, take the other one (--clock {RECEIVE})"
+            )
+            yield DataWarning("header_pace", text, {"pace": pace})
+
+
+def _no_numbers(inputs: Sequence[Field], messages: Messages) -> Iterator[DataWarning]:
+    """Yield the inputs with values that are no numbers."""
+    for field in inputs:
+        values = values_of(messages[field.topic], field.path)
+        unknown = 0 if values is None else int(np.isnan(values).sum())
+        if values is not None and 0 < unknown < len(values):
+            text = (
+                f"{unknown} of {len(values)} values of {field} are no numbers: the value before "
+                "counts until the next one, and the drive may have had another"
+            )
+            yield DataWarning("no_numbers", text, {"values": float(unknown)})
 
 
 def _stamps_ns(found: Grouped) -> Integers | None:

@@ -290,3 +290,41 @@ def test_read___commands_sent_when_they_change___are_known_throughout(tmp_path: 
     bag = write_topics(tmp_path / "run", [felt, two_joints(300)], MCAP)
     data = read_channels(bag, selection(["/ft.wrench.force.x"], ["/joint_states.position[motor]"]))
     assert data.input_held is None
+
+
+@pytest.mark.parametrize(
+    ("off", "told"), [(0.0, False), (2e-5, False), (1e-3, True), (-4e-3, True), (0.5, False)]
+)
+def test_read___header_clock_off_that_of_the_recorder___is_told(
+    tmp_path: Path,
+    off: float,
+    told: bool,  # noqa: FBT001 - a parameter
+) -> None:
+    count = 3000
+    sent_ns = every_ms(5, count)
+    delays_ns = np.random.default_rng(2).gamma(2.0, 3e5, count).astype(np.int64)
+    stamps_ns = START_NS + np.rint((1.0 + off) * (sent_ns - START_NS)).astype(np.int64)
+    values = np.random.default_rng(3).normal(size=(count, 1))
+    states = joint_states(
+        stamps_ns, ["arm"], values, efforts=values[::-1].copy(), received_ns=sent_ns + delays_ns
+    )
+    bag = write_topics(tmp_path / "run", [states], MCAP)
+    data = read_channels(
+        bag, selection(["/joint_states.effort[arm]"], ["/joint_states.position[arm]"])
+    )
+    found = [notice for notice in data.notices if notice.name == "header_pace"]
+    assert bool(found) == told
+    if found:
+        assert found[0].figures["pace"] == pytest.approx(1.0 + off, abs=2e-5)
+
+
+def test_read___input_with_values_that_are_no_numbers___is_told(tmp_path: Path) -> None:
+    commands = np.arange(300.0)
+    commands[::10] = np.nan
+    sent = float64("/command", every_ms(10, 300), commands)
+    bag = write_topics(tmp_path / "run", [sent, two_joints(300)], MCAP)
+    chosen = selection(["/command.data"], ["/joint_states.position[motor]"], clock="receive")
+    data = read_channels(bag, chosen)
+    (notice,) = [each for each in data.notices if each.name == "no_numbers"]
+    assert dict(notice.figures) == {"values": 30.0}
+    assert "30 of 300 values of /command.data are no numbers" in notice.text
