@@ -1,12 +1,14 @@
 """Mutants: small defects planted in the modules that guard the drive and the records.
 
 mutmut plants them, one at a time, in a copy of the checkout: an operator, a number or a word is
-another one. The unit tests of the modules must fail on each. Some mutants do the same as the
-original, so that no test can; the terminal shows every one that lived.
+another one, or something of `bench.loop.mutation_kinds`. The unit tests of the modules must fail on
+each. Some mutants do the same as the original, so that no test can; the terminal shows every one
+that lived.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -34,6 +36,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 _ROOT = Path(__file__).parents[2]
+_LAWS = ("pd", "pdpc", "ilqr", "lqg", "pi", "switching")
+_BAGS = ("writer", "repair", "bounds", "check")
+_PAGE = ("access", "requests")
 SUBJECTS = {
     "limiter": ("flexarm_daq.loop.limiter.*",),
     "commander": ("flexarm_daq.loop.commander.*",),
@@ -46,12 +51,20 @@ SUBJECTS = {
         *(f"flexarm_bags.mcap_check.*_{part}__*" for part in ("attachment", "data_end", "footer")),
     ),
     "units": ("flexarm_core.channels.*",),
+    "margins": ("flexarm_control.design.margins.*",),
+    "laws": tuple(f"flexarm_control.laws.{name}.*" for name in _LAWS),
+    "bags": tuple(f"flexarm_bags.{name}.*" for name in _BAGS),
+    "page": tuple(f"flexarm_live.serving.{name}.*" for name in _PAGE),
 }
 """Patterns of the functions by subject, as mutmut names them."""
 MODULES = (
     *(f"flexarm_daq/loop/{name}.py" for name in ("limiter", "commander", "watchdog", "safety")),
     *(f"flexarm_bags/{name}.py" for name in ("sequence", "records/layout", "mcap_check")),
     "flexarm_core/channels.py",
+    "flexarm_control/design/margins.py",
+    *(f"flexarm_control/laws/{name}.py" for name in _LAWS),
+    *(f"flexarm_bags/{name}.py" for name in _BAGS),
+    *(f"flexarm_live/serving/{name}.py" for name in _PAGE),
 )
 """Files of these functions."""
 _HEADS = ("subject", "mutants", "killed", "score")
@@ -60,6 +73,17 @@ _TESTS = (
     *(f"test/unit/daq/loop/test_daq_{name}.py" for name in ("safety", "command_age")),
     *(f"test/unit/bags/test_bags_{name}.py" for name in ("sequence", "checksums")),
     "test/unit/core/test_core_channels.py",
+    "test/unit/control/design/test_control_margins.py",
+    "test/unit/control/laws",
+    *(
+        f"test/unit/bags/test_bags_{name}.py"
+        for name in ("bounds", "check", "cut_chunks", "repair")
+    ),
+    *(
+        f"test/unit/bags/test_bags_{name}.py"
+        for name in ("recording", "recording_survives", "split")
+    ),
+    "test/unit/live/serving",
 )
 LEAST_SCORE = 0.9
 # mutmut names a module by its path below `src`, and no ROS is needed for these tests.
@@ -137,8 +161,9 @@ def _copy_checkout(folder: Path) -> None:
 
 def _mutmut(folder: Path, *words: str, capture: bool = False) -> str:
     done = subprocess.run(  # noqa: S603 - a tool of ours
-        [sys.executable, "-m", "mutmut", *words],
+        [sys.executable, "-m", "bench.loop.mutation_kinds", *words],
         cwd=folder,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(_ROOT), *sys.path[1:]])},
         check=False,
         text=True,
         stdout=subprocess.PIPE if capture else None,

@@ -1,5 +1,9 @@
 from __future__ import annotations
 
+from importlib import import_module
+
+import pytest
+
 from bench.loop import mutants
 from bench.loop.mutants import MODULES, SUBJECTS, Score
 from support.project import PROJECT
@@ -40,4 +44,35 @@ def test_modules_and_tests___that_are_named___are_there() -> None:
         package, _, rest = module.partition("/")
         assert (PROJECT / "src" / package / package / rest).is_file()
     for test in mutants._TESTS:
-        assert (PROJECT / test).is_file()
+        assert (PROJECT / test).exists()
+
+
+@pytest.mark.parametrize(
+    ("source", "mutants"),
+    [
+        ("a < b", ["b < a"]),
+        ("a < b < c", []),
+        ('host == "x"', ['host.startswith("x")', 'host.endswith("x")']),
+        ("host == other", []),
+        ("self.at_v = 1.0", ["pass"]),
+        ("at_v = 1.0", []),
+        ('path.with_suffix(".part")', ["path"]),
+        ("min(value, bound)", ["value", "bound"]),
+        ("min(values)", []),
+        ("sum(a, b)", []),
+    ],
+)
+def test_kinds___of_our_own___are_planted(source: str, mutants: list[str]) -> None:
+    libcst = pytest.importorskip("libcst", reason="it comes with mutmut")
+    kinds = import_module("bench.loop.mutation_kinds").KINDS
+    (statement,) = libcst.parse_module(source).body[0].body
+    node = getattr(statement, "value", statement)
+    nodes = (node, statement) if source.startswith("self") else (node,)
+    found = [
+        libcst.Module([]).code_for_node(mutant)
+        for each in nodes
+        for kind, plant in kinds
+        if isinstance(each, kind)
+        for mutant in plant(each)
+    ]
+    assert found == mutants
