@@ -7,7 +7,6 @@ plain file, and no more unpacked bytes than are allowed to one of its size.
 
 from __future__ import annotations
 
-import mmap
 import shutil
 import sqlite3
 import tempfile
@@ -29,6 +28,7 @@ from flexarm_bags.records.layout import (
     TooManyError,
     chunk_records,
     chunk_sizes,
+    mapped,
     summary_of,
     unpacked,
     unpacked_bytes,
@@ -44,6 +44,7 @@ from flexarm_core.errors import BagError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+    from mmap import mmap
 
     from mcap.records import McapRecord
     from rosbags.highlevel import AnyReader
@@ -150,7 +151,7 @@ def require_bounded_file(file: Path, *, unpacks: bool = False) -> None:
     elif file.suffix == ".mcap" and file.stat().st_size:
         with (
             file.open("rb") as stream,
-            mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
+            mapped(stream) as data,
         ):
             has_statistics = _require_bounded_mcap(stream, data, allowed)
             # Without statistics rosbags unpacks every chunk when it opens the file.
@@ -158,7 +159,7 @@ def require_bounded_file(file: Path, *, unpacks: bool = False) -> None:
                 require_honest_chunks(stream)
 
 
-def _require_bounded_mcap(stream: BinaryIO, data: mmap.mmap, allowed: int) -> bool:
+def _require_bounded_mcap(stream: BinaryIO, data: mmap, allowed: int) -> bool:
     name = Path(stream.name).name
     summary = _summary(stream)
     chunks = _stated_chunks(data)
@@ -187,12 +188,12 @@ def _summary(stream: BinaryIO) -> list[McapRecord]:
         return []
 
 
-def _stated_chunks(data: mmap.mmap) -> dict[int, int]:
+def _stated_chunks(data: mmap) -> dict[int, int]:
     """Return the unpacked size that each chunk states, by its place; up to a cut."""
     return {start: sizes.unpacked for start, sizes in _chunks(data)}
 
 
-def _chunks(data: mmap.mmap) -> Iterator[tuple[int, ChunkSizes]]:
+def _chunks(data: mmap) -> Iterator[tuple[int, ChunkSizes]]:
     with suppress(CutError):
         for opcode, start, end in walk(data, len(MAGIC)):
             if opcode == Opcode.FOOTER:
@@ -209,7 +210,7 @@ def require_honest_chunks(stream: BinaryIO) -> None:
     BoundError
         If a chunk has more than it states.
     """
-    with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+    with mapped(stream) as data:
         for start, sizes in _chunks(data):
             packed = data[sizes.packed_start : sizes.packed_end]
             if unpacked_bytes(packed, sizes.compression, sizes.unpacked) > sizes.unpacked:

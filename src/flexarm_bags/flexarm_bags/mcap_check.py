@@ -8,7 +8,6 @@ writers leave some out; then a note names what nothing protects.
 
 from __future__ import annotations
 
-import mmap
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
@@ -28,6 +27,7 @@ from flexarm_bags.records.layout import (
     chunk_content,
     chunk_records,
     fingerprint,
+    mapped,
     parse,
     record_content,
     walk,
@@ -36,6 +36,7 @@ from flexarm_core.errors import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from mmap import mmap
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -102,10 +103,7 @@ class McapExamination:
         if not self.file.stat().st_size:
             self._problem("is empty")
             return
-        with (
-            self.file.open("rb") as stream,
-            mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
-        ):
+        with self.file.open("rb") as stream, mapped(stream) as data:
             yield from self._visit(data)
 
     def _problem(self, text: str) -> None:
@@ -116,7 +114,7 @@ class McapExamination:
         if line not in self.notes:
             self.notes.append(line)
 
-    def _visit(self, data: mmap.mmap) -> Iterator[TopicMessages]:
+    def _visit(self, data: mmap) -> Iterator[TopicMessages]:
         if data[: len(MAGIC)] != MAGIC:
             self._problem("does not begin as an MCAP file")
             return
@@ -143,7 +141,7 @@ class McapExamination:
             self.is_cut = True
         self._compare()
 
-    def _take(self, data: mmap.mmap, start: int, opcode: int, end: int) -> Iterator[TopicMessages]:
+    def _take(self, data: mmap, start: int, opcode: int, end: int) -> Iterator[TopicMessages]:
         self._seen[opcode] += 1
         first = start + RECORD_START.size
         if opcode == Opcode.ATTACHMENT:

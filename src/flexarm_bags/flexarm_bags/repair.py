@@ -13,7 +13,6 @@ from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
-from mmap import ACCESS_READ, mmap
 from typing import TYPE_CHECKING
 
 from mcap.exceptions import EndOfFile
@@ -31,6 +30,7 @@ from flexarm_bags.records.layout import (
     chunk_records,
     chunk_sizes,
     fingerprint,
+    mapped,
     parse,
     record_content,
     summary_of,
@@ -44,6 +44,7 @@ from flexarm_core.errors import BagError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from mmap import mmap
     from pathlib import Path
 
     from mcap.records import McapRecord
@@ -200,7 +201,7 @@ class _FileRepair:
         if not self._file.stat().st_size:
             self._note("is empty")
             return
-        with self._file.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
+        with self._file.open("rb") as stream, mapped(stream) as data:
             try:
                 summary = summary_of(stream)
             except Exception:  # noqa: BLE001 - parsers raise anything on damaged bytes

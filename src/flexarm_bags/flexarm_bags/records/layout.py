@@ -7,9 +7,10 @@ Messages stand in compressed chunks; behind the data a summary says where the ch
 from __future__ import annotations
 
 import struct
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from io import SEEK_END, BytesIO
 from itertools import islice
+from mmap import ACCESS_READ, mmap
 from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 from zlib import crc32
 
@@ -24,7 +25,6 @@ from flexarm_core.bounds import BoundError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from mmap import mmap
 
     from numpy.typing import NDArray
 
@@ -153,6 +153,18 @@ def parse(opcode: int, content: bytes) -> tuple[records.McapRecord | None, int]:
         return None, 0
     stream = ReadDataStream(BytesIO(content))
     return parser(stream), stream.count
+
+
+@contextmanager
+def mapped(stream: BinaryIO) -> Iterator[mmap]:
+    """Map a file of one byte or more into memory; the last view of it may outlive the block."""
+    data = mmap(stream.fileno(), 0, access=ACCESS_READ)
+    try:
+        yield data
+    finally:
+        # A view that waits for the collector of garbage is no error.
+        with suppress(BufferError):
+            data.close()
 
 
 def summary_of(stream: BinaryIO) -> list[records.McapRecord]:

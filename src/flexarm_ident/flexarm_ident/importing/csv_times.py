@@ -29,6 +29,8 @@ _LONG_HOLE = 5.0
 # Times are within a last digit of their line, with one more for a clock that jitters.
 _A_DIGIT, _TWO_DIGITS = 1.01, 2.01
 _MOST_DIGITS, _WHOLE = 7, 0.02
+# Nobody is asked for the unit of a few rows.
+_FEWEST_TOLD = 50
 # Rigs are sampled below the first rate. Rates above the second need no question, those below the
 # third are asked about, and motors are not sampled below the last.
 _FASTEST_HZ, _FAST_HZ, _SLOW_HZ, _SLOW_MOTOR_HZ = 1e5, 10.0, 1.0, 0.5
@@ -155,7 +157,7 @@ def unit_question(
     CsvImportError
         If they are hardly s.
     """
-    if table.unit_told or rate_hz > _FAST_HZ:
+    if table.unit_told or rate_hz > _FAST_HZ or len(table.values) < _FEWEST_TOLD:
         return ()
     words = " ".join(names)
     fits = [
