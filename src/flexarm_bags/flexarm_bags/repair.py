@@ -31,6 +31,7 @@ from flexarm_bags.records.layout import (
     chunk_records,
     chunk_sizes,
     fingerprint,
+    has_its_length,
     parse,
     record_content,
     summary_of,
@@ -49,12 +50,10 @@ if TYPE_CHECKING:
     from mcap.records import McapRecord
 
     from flexarm_bags.metadata import RecordedTopic
-    from flexarm_bags.records.layout import ChunkSizes
 
 # Times, sizes and checksum of a chunk stand in front of the name of its compression.
 _COMPRESSION = b"\x04\x00\x00\x00zstd"
 _CHUNK = bytes([Opcode.CHUNK])
-_LENGTH = struct.Struct("<Q")
 _COMPRESSION_AT = RECORD_START.size + struct.calcsize("<QQQI")
 
 
@@ -281,7 +280,7 @@ class _FileRepair:
         """Return the whole records of a chunk that the end of the file cuts."""
         start = at + RECORD_START.size
         chunk = chunk_sizes(data, start, len(data)) if data[at:start][:1] == _CHUNK else None
-        if chunk is None or not _is_consistent(data, chunk):
+        if chunk is None or not has_its_length(data, chunk):
             return []
         if chunk.unpacked > min(self._left, CHUNK_BYTES):
             self._note(f"its last chunk says it has {chunk.unpacked >> 20} MB, and is left out")
@@ -300,14 +299,6 @@ class _FileRepair:
 
     def _note(self, text: str) -> None:
         self._damage[text] += 1
-
-
-def _is_consistent(data: mmap, chunk: ChunkSizes) -> bool:
-    """Return whether the length of a record is that of its chunk, and no damage."""
-    _, length = RECORD_START.unpack_from(data, chunk.record_start)
-    (packed,) = _LENGTH.unpack_from(data, chunk.packed_start - _LENGTH.size)
-    head = chunk.packed_start - chunk.record_start - RECORD_START.size
-    return bool(length == head + packed)
 
 
 def _cause(error: Exception) -> str:

@@ -18,6 +18,7 @@ from flexarm_bags.writer import BagWriter
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.fields import values_of
 from support.bag_samples import START_NS, experiment, mcap_file, recorded_topics
+from support.damaged_bags import chunks_of
 from support.foreign_bags import TYPES, float64, joint_states
 
 if TYPE_CHECKING:
@@ -40,7 +41,8 @@ def write(
 ) -> Path:
     """Write a file of small chunks, its messages in an order, and one message of each encoding."""
     with file.open("wb") as stream:
-        writer = Writer(stream, chunk_size=2000, compression=CompressionType.NONE, **kinds)
+        kinds = {"compression": CompressionType.NONE, **kinds}
+        writer = Writer(stream, chunk_size=2000, **kinds)
         writer.start("ros2", "somebody's recorder")
         if topic is not None:
             text = TYPES.generate_msgdef(topic.type_name, ros_version=2)[0]
@@ -192,3 +194,25 @@ def test_file___without_parts_of_its_summary___is_read_where_the_check_calls_it_
     file = write(tmp_path / "run.mcap", forces(), range(600), **kinds)
     assert not check_bag(file).problems
     assert numbers(file) == list(range(600))
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+@pytest.mark.parametrize("length", [0, 1, 1 << 31, 1 << 60, (1 << 64) - 1])
+def test_chunk___whose_bytes_state_another_length_than_its_record___is_told_and_read(
+    tmp_path: Path, compression: CompressionType, length: int
+) -> None:
+    file = write(tmp_path / "run.mcap", forces(), range(600), compression=compression)
+    raw = bytearray(file.read_bytes())
+    start, _ = chunks_of(bytes(raw))[1]
+    # The length of the packed bytes stands behind the record's own, times, sizes and a name.
+    name_at = start + 9 + 8 + 8 + 8 + 4
+    at = name_at + 4 + int.from_bytes(raw[name_at : name_at + 4], "little")
+    raw[at : at + 8] = length.to_bytes(8, "little")
+    file.write_bytes(raw)
+    (problem, *_) = check_bag(file).problems
+    assert f"the record at byte {start} does not have its length" in problem
+    if length > len(raw):
+        assert numbers(file) == list(range(600))
+    else:
+        with pytest.raises(BagError, match=r"damaged: (?!MemoryError)"):
+            numbers(file)
