@@ -21,7 +21,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema, Statistics
 
 from flexarm_bags.definitions import Definitions
-from flexarm_bags.metadata import in_order, read_information
+from flexarm_bags.metadata import in_order, plain_name, read_information
 from flexarm_bags.records.layout import (
     CHUNK_BYTES,
     MAGIC,
@@ -119,7 +119,11 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
 def _mcap_files(damaged: Path) -> list[Path]:
     if not damaged.is_dir():
         if damaged.suffix != ".mcap":
-            raise RecordingError(f"{damaged}: no bag of MCAP files: nothing else can be repaired")
+            packed = plain_name(damaged.name) != damaged.name
+            raise RecordingError(
+                f"{damaged}: no bag of MCAP files: "
+                + ("unpack it first (`zstd -d`)" if packed else "nothing else can be repaired")
+            )
         return [damaged]
     files = in_order(damaged.glob("*.mcap"))
     if not files:

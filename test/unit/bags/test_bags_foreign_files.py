@@ -8,16 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from flexarm_bags.check import check_bag
 from flexarm_bags.reader import opened
 from flexarm_bags.records.chunks import Messages
 from flexarm_bags.repair import repair_bag
-from flexarm_bags.writer import BagWriter
+from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.fields import values_of
-from support.bag_samples import START_NS, experiment, mcap_file, recorded_topics
+from support.bag_samples import (
+    START_NS,
+    controlled_run,
+    experiment,
+    mcap_file,
+    recorded_topics,
+    write_foreign_bag,
+)
 from support.damaged_bags import chunks_of
 from support.foreign_bags import TYPES, float64, joint_states
 
@@ -129,6 +138,11 @@ def test_folder___without_metadata_or_storage___is_read_from_its_files(
             "  compression_format: '', compression_mode: ''}\n"
         )
     assert numbers(folder) == list(range(600))
+    problems = check_bag(folder).problems
+    fault = "cannot be read: No such file" if storage is None else "names no storage"
+    assert problems
+    assert all("metadata.yaml" in each or "/force: " in each for each in problems)
+    assert any(f"metadata.yaml: {fault}" in each for each in problems)
     assert numbers(folder / "run_1.mcap") == list(range(300, 600))
 
 
@@ -216,3 +230,44 @@ def test_chunk___whose_bytes_state_another_length_than_its_record___is_told_and_
     else:
         with pytest.raises(BagError, match=r"damaged: (?!MemoryError)"):
             numbers(file)
+
+
+@pytest.mark.parametrize("ending", [".mcap.zstd", ".mcap.zst"])
+def test_file___compressed_as_a_whole_without_its_folder___is_read(
+    tmp_path: Path, ending: str
+) -> None:
+    plain = write(tmp_path / "plain.mcap", forces(), range(600))
+    folder = tmp_path / "run"
+    folder.mkdir()
+    packed = folder / f"run_0{ending}"
+    packed.write_bytes(zstandard.compress(plain.read_bytes()))
+    assert not check_bag(packed).problems
+    assert numbers(packed) == numbers(folder) == list(range(600))
+    with pytest.raises(RecordingError, match=r"unpack it first \(`zstd -d`\)"):
+        repair_bag(packed, tmp_path / "repaired")
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("compression", [CompressionMode.NONE, CompressionMode.FILE])
+def test_storage_file___alone___is_read_as_its_folder(
+    tmp_path: Path, storage: StoragePlugin, compression: CompressionMode
+) -> None:
+    bag = write_foreign_bag(tmp_path / "run", controlled_run(50), storage, compression)
+    (file,) = (each for each in bag.iterdir() if each.name != "metadata.yaml")
+    assert not check_bag(file).problems
+    for path in (bag, file):
+        with opened(path) as found:
+            assert len(found.recorded("/flexarm/state")) == 50
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_messages___compressed_without_their_metadata___are_named_with_the_way_out(
+    tmp_path: Path, storage: StoragePlugin
+) -> None:
+    messages = controlled_run(20)
+    bag = write_foreign_bag(tmp_path / "run", messages, storage, CompressionMode.MESSAGE)
+    (bag / "metadata.yaml").unlink()
+    for path in (bag, *bag.iterdir()):
+        expected = "messages are compressed, which metadata.yaml tells: read its folder"
+        with opened(path) as found, pytest.raises(BagError, match=expected):
+            found.recorded("/flexarm/state")
