@@ -39,12 +39,13 @@ from flexarm_bags.records.layout import (
     walk,
     whole_records,
 )
+from flexarm_bags.schema import text_hash
 from flexarm_bags.writer import LATEST_TIME_NS, RecordingError, whole_bag
 from flexarm_core.bounds import BoundError, require_plain_file, too_much, unpacked_bytes_allowed
 from flexarm_core.errors import BagError, one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from mcap.records import McapRecord
@@ -107,7 +108,7 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
         raise RecordingError(f"{damaged}: holds no whole message, nothing to repair")
     with whole_bag(repaired, list(topics.values())) as bag:
         for file in files:
-            for topic, message in file.messages():
+            for topic, message in file.messages(topics):
                 bag.write(topic.name, message.data, message.log_time, message.publish_time)
         count = bag.message_count
     damage = tuple(line for file in files for line in file.damage())
@@ -175,15 +176,31 @@ class _FileRepair:
             elif isinstance(record, Statistics):
                 self.stated = record.message_count
         self._topics = {number: self._definitions.topic(number) for number in used}
-        return {topic.name: topic for topic in self._topics.values() if topic is not None}
+        topics: dict[str, RecordedTopic] = {}
+        for topic in self._topics.values():
+            if topic is not None:
+                topics.setdefault(topic.name, topic)
+        return topics
 
-    def messages(self) -> Iterator[tuple[RecordedTopic, Message]]:
-        """Yield the undamaged messages of the surveyed topics."""
+    def messages(
+        self, chosen: Mapping[str, RecordedTopic]
+    ) -> Iterator[tuple[RecordedTopic, Message]]:
+        """Yield the undamaged messages that have the chosen definition of their topic."""
+        of_another = {
+            number
+            for number, topic in self._topics.items()
+            if topic is not None and not _is_same(topic, chosen[topic.name])
+        }
         for record in self._contents():
             if isinstance(record, Message):
                 topic = self._topics.get(record.channel_id)
                 if max(record.log_time, record.publish_time) > LATEST_TIME_NS:
                     self._note("a message whose time is beyond 2^63 ns is left out")
+                elif record.channel_id in of_another:
+                    self._note(
+                        f"a message of {self._definitions.name(record.channel_id)} has another "
+                        "definition than the first one, and is left out"
+                    )
                 elif topic is not None:
                     yield topic, record
                 else:
@@ -303,6 +320,14 @@ class _FileRepair:
 
     def _note(self, text: str) -> None:
         self._damage[text] += 1
+
+
+def _is_same(topic: RecordedTopic, other: RecordedTopic) -> bool:
+    """Return whether two topics have one definition, whatever its comments."""
+    one, two = topic.definition, other.definition
+    if (one.type_name, one.text) == (two.type_name, two.text):
+        return True
+    return text_hash(one.type_name, one.text) == text_hash(two.type_name, two.text)
 
 
 def _cause(error: Exception) -> str:
