@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Statistics
 from rosbags.rosbag2.reader import DirectoryReader
 
-from flexarm_bags.metadata import FILE_NAME, as_yaml, read_information, require_bag
+from flexarm_bags.metadata import FILE_NAME, as_yaml, plain_name, read_information, require_bag
 from flexarm_bags.records.layout import (
     CHUNK_BYTES,
     MAGIC,
@@ -49,8 +49,6 @@ if TYPE_CHECKING:
     from mcap.records import McapRecord
     from rosbags.highlevel import AnyReader
 
-PACKED = ".zstd"
-"""Suffix of a file that is compressed as a whole."""
 _COPY_BYTES = 1 << 20
 # So few bytes do not hold too many records.
 _FEW_BYTES = 8 << 20
@@ -67,7 +65,7 @@ def bounded(path: Path, *, unpacks: bool = False) -> Iterator[Path]:
     Parameters
     ----------
     path : Path
-        rosbag2 folder, or a single ``.mcap`` or ``.db3`` file.
+        rosbag2 folder, or a single ``.mcap`` or ``.db3`` file, compressed or not.
     unpacks : bool
         True when rosbags is going to unpack the chunks.
 
@@ -81,6 +79,8 @@ def bounded(path: Path, *, unpacks: bool = False) -> Iterator[Path]:
     require_bag(path)
     with ExitStack() as stack:
         if not path.is_dir():
+            if plain_name(path.name) != path.name:
+                path = _unpacked(path, _temporary(stack))
             require_bounded_file(path, unpacks=unpacks)
             yield path
             return
@@ -88,11 +88,14 @@ def bounded(path: Path, *, unpacks: bool = False) -> Iterator[Path]:
         files = [path / PurePath(name).name for name in information["relative_file_paths"]]
         files = [file for file in files if file.exists()]
         if str(information.get("compression_mode") or "").lower() == "file":
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="flexarm_bag_"))
-            path, files = _plain_copy(Path(folder), files, information)
+            path, files = _plain_copy(_temporary(stack), files, information)
         for file in files:
             require_bounded_file(file, unpacks=unpacks)
         yield path
+
+
+def _temporary(stack: ExitStack) -> Path:
+    return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="flexarm_bag_")))
 
 
 def _plain_copy(
@@ -104,21 +107,17 @@ def _plain_copy(
         "compression_mode": "",
         "compression_format": "",
         "relative_file_paths": [
-            _plain_name(PurePath(name).name) for name in information["relative_file_paths"]
+            plain_name(PurePath(name).name) for name in information["relative_file_paths"]
         ],
     }
     (folder / FILE_NAME).write_text(as_yaml({"rosbag2_bagfile_information": plain}), "utf-8")
     return folder, copies
 
 
-def _plain_name(name: str) -> str:
-    return name.removesuffix(PACKED)
-
-
 def _unpacked(file: Path, folder: Path) -> Path:
     allowed = unpacked_bytes_allowed(require_plain_file(file))
     free = shutil.disk_usage(folder).free // _FREE_PART
-    copy, total = folder / _plain_name(file.name), 0
+    copy, total = folder / plain_name(file.name), 0
     try:
         with file.open("rb") as source, copy.open("wb") as target:
             reader = zstandard.ZstdDecompressor().stream_reader(source)

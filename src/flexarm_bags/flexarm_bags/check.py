@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from flexarm_bags.bounds import PACKED, bounded, require_bounded_file, require_bounded_messages
+from flexarm_bags.bounds import bounded, require_bounded_file, require_bounded_messages
 from flexarm_bags.content import ContentCheck
 from flexarm_bags.encodings import foreign_topics, ros_messages
 from flexarm_bags.known_types import require_known_order
 from flexarm_bags.mcap_check import McapExamination, TopicMessages
-from flexarm_bags.metadata import in_order, read_information
+from flexarm_bags.metadata import in_order, parts_of, plain_name, read_information
 from flexarm_bags.records.chunks import Messages
 from flexarm_bags.schema import DefinitionError
 from flexarm_core.bounds import YamlError, shown, yaml_content
@@ -136,7 +136,8 @@ class _Check:
     def _opened(self, plain: Path, stack: ExitStack) -> AnyReader | None:
         """Open the bag for its definitions, which rosbags compares with their type hashes."""
         try:
-            reader = stack.enter_context(AnyReader([stack.enter_context(ros_messages(plain))]))
+            parts = [stack.enter_context(ros_messages(each)) for each in parts_of(plain)]
+            reader = stack.enter_context(AnyReader(parts))
             require_bounded_messages(reader)
             self._content.connect(reader)
         except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
@@ -168,7 +169,9 @@ class _Check:
         for stored_file in files:
             file = stored_file
             if plain_bag != self._path:
-                file = plain_bag / stored_file.name.removesuffix(PACKED)
+                file = plain_bag
+                if plain_bag.is_dir():
+                    file /= plain_name(stored_file.name)
             if file.suffix == ".mcap":
                 yield from self._mcap(file, information, hand_on=plain)
             elif file.suffix == ".db3":
@@ -244,6 +247,8 @@ class _Check:
 
     def _compare(self, information: Mapping[str, Any]) -> None:
         """Compare metadata.yaml with the messages."""
+        if not information.get("storage_identifier"):
+            self._problems.append("metadata.yaml: names no storage")
         content = self._content
         try:
             said = {

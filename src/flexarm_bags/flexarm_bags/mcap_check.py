@@ -26,7 +26,9 @@ from flexarm_bags.records.layout import (
     CutError,
     chunk_content,
     chunk_records,
+    chunk_sizes,
     fingerprint,
+    has_its_length,
     mapped,
     parse,
     record_content,
@@ -152,7 +154,8 @@ class McapExamination:
         if record is None:
             self._problem(f"the record at byte {start} is of the unknown kind {opcode}")
             return
-        if length != len(content):
+        chunk = chunk_sizes(data, first, end) if opcode == Opcode.CHUNK else None
+        if length != len(content) or (chunk and not has_its_length(data, chunk)):
             self._problem(f"the record at byte {start} does not have its length")
         if isinstance(record, records.Message):
             self._note("has messages outside of chunks")

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 FILE_NAME = "metadata.yaml"
 _KEY = "rosbag2_bagfile_information"
+_STORAGES = (".mcap", ".db3")
 BAG_FILES = (f"{FILE_NAME}*", "*.mcap*", "*.db3*")
 """Patterns of the files of a bag."""
 VERSION = 9
@@ -155,6 +156,15 @@ def in_order(files: Iterable[Path]) -> list[Path]:
     return sorted(files, key=number)
 
 
+def plain_name(name: str) -> str:
+    """Return the name of a file without the ending of one that is compressed as a whole."""
+    return re.sub(r"\.zstd?$", "", name)
+
+
+def _is_storage(path: Path) -> bool:
+    return plain_name(path.name).endswith(_STORAGES)
+
+
 def parts_of(path: Path) -> list[Path]:
     """Return what is opened of a bag: itself, or the files of a folder that does not name them.
 
@@ -163,7 +173,7 @@ def parts_of(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         return [path]
-    files = in_order([*path.glob("*.mcap"), *path.glob("*.db3")])
+    files = in_order(filter(_is_storage, path.iterdir()))
     if not files:
         return [path]
     if not (path / FILE_NAME).exists():
@@ -178,7 +188,7 @@ def require_bag(path: Path) -> None:
     if path.is_dir():
         if not (path / FILE_NAME).exists():
             raise BagError(f"{path}: no bag: the folder has no {FILE_NAME}{repair_advice(path)}")
-    elif path.suffix not in {".mcap", ".db3"}:
+    elif not _is_storage(path):
         raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
 
 

@@ -20,7 +20,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema, Statistics
 
 from flexarm_bags.definitions import Definitions
-from flexarm_bags.metadata import in_order, read_information
+from flexarm_bags.metadata import in_order, plain_name, read_information
 from flexarm_bags.records.layout import (
     CHUNK_BYTES,
     MAGIC,
@@ -30,6 +30,7 @@ from flexarm_bags.records.layout import (
     chunk_records,
     chunk_sizes,
     fingerprint,
+    has_its_length,
     mapped,
     parse,
     record_content,
@@ -38,24 +39,23 @@ from flexarm_bags.records.layout import (
     walk,
     whole_records,
 )
+from flexarm_bags.schema import text_hash
 from flexarm_bags.writer import LATEST_TIME_NS, RecordingError, whole_bag
 from flexarm_core.bounds import BoundError, require_plain_file, too_much, unpacked_bytes_allowed
 from flexarm_core.errors import BagError, one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from mmap import mmap
     from pathlib import Path
 
     from mcap.records import McapRecord
 
     from flexarm_bags.metadata import RecordedTopic
-    from flexarm_bags.records.layout import ChunkSizes
 
 # Times, sizes and checksum of a chunk stand in front of the name of its compression.
 _COMPRESSION = b"\x04\x00\x00\x00zstd"
 _CHUNK = bytes([Opcode.CHUNK])
-_LENGTH = struct.Struct("<Q")
 _COMPRESSION_AT = RECORD_START.size + struct.calcsize("<QQQI")
 
 
@@ -109,7 +109,7 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
         raise RecordingError(f"{damaged}: holds no whole message, nothing to repair")
     with whole_bag(repaired, list(topics.values())) as bag:
         for file in files:
-            for topic, message in file.messages():
+            for topic, message in file.messages(topics):
                 bag.write(topic.name, message.data, message.log_time, message.publish_time)
         count = bag.message_count
     damage = tuple(line for file in files for line in file.damage())
@@ -121,7 +121,11 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
 def _mcap_files(damaged: Path) -> list[Path]:
     if not damaged.is_dir():
         if damaged.suffix != ".mcap":
-            raise RecordingError(f"{damaged}: no bag of MCAP files: nothing else can be repaired")
+            packed = plain_name(damaged.name) != damaged.name
+            raise RecordingError(
+                f"{damaged}: no bag of MCAP files: "
+                + ("unpack it first (`zstd -d`)" if packed else "nothing else can be repaired")
+            )
         return [damaged]
     files = in_order(damaged.glob("*.mcap"))
     if not files:
@@ -173,15 +177,31 @@ class _FileRepair:
             elif isinstance(record, Statistics):
                 self.stated = record.message_count
         self._topics = {number: self._definitions.topic(number) for number in used}
-        return {topic.name: topic for topic in self._topics.values() if topic is not None}
+        topics: dict[str, RecordedTopic] = {}
+        for topic in self._topics.values():
+            if topic is not None:
+                topics.setdefault(topic.name, topic)
+        return topics
 
-    def messages(self) -> Iterator[tuple[RecordedTopic, Message]]:
-        """Yield the undamaged messages of the surveyed topics."""
+    def messages(
+        self, chosen: Mapping[str, RecordedTopic]
+    ) -> Iterator[tuple[RecordedTopic, Message]]:
+        """Yield the undamaged messages that have the chosen definition of their topic."""
+        of_another = {
+            number
+            for number, topic in self._topics.items()
+            if topic is not None and not _is_same(topic, chosen[topic.name])
+        }
         for record in self._contents():
             if isinstance(record, Message):
                 topic = self._topics.get(record.channel_id)
                 if max(record.log_time, record.publish_time) > LATEST_TIME_NS:
                     self._note("a message whose time is beyond 2^63 ns is left out")
+                elif record.channel_id in of_another:
+                    self._note(
+                        f"a message of {self._definitions.name(record.channel_id)} has another "
+                        "definition than the first one, and is left out"
+                    )
                 elif topic is not None:
                     yield topic, record
                 else:
@@ -282,7 +302,7 @@ class _FileRepair:
         """Return the whole records of a chunk that the end of the file cuts."""
         start = at + RECORD_START.size
         chunk = chunk_sizes(data, start, len(data)) if data[at:start][:1] == _CHUNK else None
-        if chunk is None or not _is_consistent(data, chunk):
+        if chunk is None or not has_its_length(data, chunk):
             return []
         if chunk.unpacked > min(self._left, CHUNK_BYTES):
             self._note(f"its last chunk says it has {chunk.unpacked >> 20} MB, and is left out")
@@ -303,12 +323,12 @@ class _FileRepair:
         self._damage[text] += 1
 
 
-def _is_consistent(data: mmap, chunk: ChunkSizes) -> bool:
-    """Return whether the length of a record is that of its chunk, and no damage."""
-    _, length = RECORD_START.unpack_from(data, chunk.record_start)
-    (packed,) = _LENGTH.unpack_from(data, chunk.packed_start - _LENGTH.size)
-    head = chunk.packed_start - chunk.record_start - RECORD_START.size
-    return bool(length == head + packed)
+def _is_same(topic: RecordedTopic, other: RecordedTopic) -> bool:
+    """Return whether two topics have one definition, whatever its comments."""
+    one, two = topic.definition, other.definition
+    if (one.type_name, one.text) == (two.type_name, two.text):
+        return True
+    return text_hash(one.type_name, one.text) == text_hash(two.type_name, two.text)
 
 
 def _cause(error: Exception) -> str:

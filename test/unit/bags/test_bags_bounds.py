@@ -257,3 +257,16 @@ def test_wrong_size_of_one_chunk___costs_a_repair_that_chunk_only(tmp_path: Path
     damaged = damaged_copy(recording, tmp_path / "damaged", bytes(raw))
     summary = repair_bag(damaged, tmp_path / "copy")
     assert (summary.messages, summary.lost) == (len(recording.messages) - CHUNK, CHUNK)
+
+
+@pytest.mark.parametrize(("in_chunk", "in_index"), [(300 * MB, MB), (MB, 300 * MB)])
+@pytest.mark.parametrize("way", [read, played, checked])
+def test_chunk_and_its_index___of_different_sizes___the_larger_one_counts(
+    tmp_path: Path, way: Callable[[Path], None], in_chunk: int, in_index: int
+) -> None:
+    file = write_chunks(tmp_path / "run.mcap", Packed("zstd", zstd_zeros(1), in_chunk))
+    raw = file.read_bytes()
+    # The size stands once in the chunk, and once at the end of its index.
+    at = raw.rindex(struct.pack("<Q", in_chunk))
+    file.write_bytes(raw[:at] + struct.pack("<Q", in_index) + raw[at + 8 :])
+    assert "says that it has 300 MB unpacked, allowed are 128" in refusal(file, way, most_mb=50)

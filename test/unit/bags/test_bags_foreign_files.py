@@ -8,16 +8,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from flexarm_bags.check import check_bag
 from flexarm_bags.reader import opened
 from flexarm_bags.records.chunks import Messages
 from flexarm_bags.repair import repair_bag
-from flexarm_bags.writer import BagWriter
+from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.fields import values_of
-from support.bag_samples import START_NS, experiment, mcap_file, recorded_topics
+from support.bag_samples import (
+    START_NS,
+    controlled_run,
+    experiment,
+    mcap_file,
+    recorded_topics,
+    write_foreign_bag,
+)
+from support.damaged_bags import chunks_of
 from support.foreign_bags import TYPES, float64, joint_states
 
 if TYPE_CHECKING:
@@ -40,7 +50,8 @@ def write(
 ) -> Path:
     """Write a file of small chunks, its messages in an order, and one message of each encoding."""
     with file.open("wb") as stream:
-        writer = Writer(stream, chunk_size=2000, compression=CompressionType.NONE, **kinds)
+        kinds = {"compression": CompressionType.NONE, **kinds}
+        writer = Writer(stream, chunk_size=2000, **kinds)
         writer.start("ros2", "somebody's recorder")
         if topic is not None:
             text = TYPES.generate_msgdef(topic.type_name, ros_version=2)[0]
@@ -127,6 +138,11 @@ def test_folder___without_metadata_or_storage___is_read_from_its_files(
             "  compression_format: '', compression_mode: ''}\n"
         )
     assert numbers(folder) == list(range(600))
+    problems = check_bag(folder).problems
+    fault = "cannot be read: No such file" if storage is None else "names no storage"
+    assert problems
+    assert all("metadata.yaml" in each or "/force: " in each for each in problems)
+    assert any(f"metadata.yaml: {fault}" in each for each in problems)
     assert numbers(folder / "run_1.mcap") == list(range(300, 600))
 
 
@@ -192,3 +208,66 @@ def test_file___without_parts_of_its_summary___is_read_where_the_check_calls_it_
     file = write(tmp_path / "run.mcap", forces(), range(600), **kinds)
     assert not check_bag(file).problems
     assert numbers(file) == list(range(600))
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+@pytest.mark.parametrize("length", [0, 1, 1 << 31, 1 << 60, (1 << 64) - 1])
+def test_chunk___whose_bytes_state_another_length_than_its_record___is_told_and_read(
+    tmp_path: Path, compression: CompressionType, length: int
+) -> None:
+    file = write(tmp_path / "run.mcap", forces(), range(600), compression=compression)
+    raw = bytearray(file.read_bytes())
+    start, _ = chunks_of(bytes(raw))[1]
+    # The length of the packed bytes stands behind the record's own, times, sizes and a name.
+    name_at = start + 9 + 8 + 8 + 8 + 4
+    at = name_at + 4 + int.from_bytes(raw[name_at : name_at + 4], "little")
+    raw[at : at + 8] = length.to_bytes(8, "little")
+    file.write_bytes(raw)
+    (problem, *_) = check_bag(file).problems
+    assert f"the record at byte {start} does not have its length" in problem
+    if length > len(raw):
+        assert numbers(file) == list(range(600))
+    else:
+        with pytest.raises(BagError, match=r"damaged: (?!MemoryError)"):
+            numbers(file)
+
+
+@pytest.mark.parametrize("ending", [".mcap.zstd", ".mcap.zst"])
+def test_file___compressed_as_a_whole_without_its_folder___is_read(
+    tmp_path: Path, ending: str
+) -> None:
+    plain = write(tmp_path / "plain.mcap", forces(), range(600))
+    folder = tmp_path / "run"
+    folder.mkdir()
+    packed = folder / f"run_0{ending}"
+    packed.write_bytes(zstandard.compress(plain.read_bytes()))
+    assert not check_bag(packed).problems
+    assert numbers(packed) == numbers(folder) == list(range(600))
+    with pytest.raises(RecordingError, match=r"unpack it first \(`zstd -d`\)"):
+        repair_bag(packed, tmp_path / "repaired")
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("compression", [CompressionMode.NONE, CompressionMode.FILE])
+def test_storage_file___alone___is_read_as_its_folder(
+    tmp_path: Path, storage: StoragePlugin, compression: CompressionMode
+) -> None:
+    bag = write_foreign_bag(tmp_path / "run", controlled_run(50), storage, compression)
+    (file,) = (each for each in bag.iterdir() if each.name != "metadata.yaml")
+    assert not check_bag(file).problems
+    for path in (bag, file):
+        with opened(path) as found:
+            assert len(found.recorded("/flexarm/state")) == 50
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_messages___compressed_without_their_metadata___are_named_with_the_way_out(
+    tmp_path: Path, storage: StoragePlugin
+) -> None:
+    messages = controlled_run(20)
+    bag = write_foreign_bag(tmp_path / "run", messages, storage, CompressionMode.MESSAGE)
+    (bag / "metadata.yaml").unlink()
+    for path in (bag, *bag.iterdir()):
+        expected = "messages are compressed, which metadata.yaml tells: read its folder"
+        with opened(path) as found, pytest.raises(BagError, match=expected):
+            found.recorded("/flexarm/state")

@@ -1,16 +1,18 @@
 from __future__ import annotations
 
+import errno
 import resource
 import signal
 import subprocess
 import sys
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from rosbags.highlevel import AnyReader, AnyReaderError
 
-from flexarm_bags.writer import BagWriter, RecordingError
+from flexarm_bags.writer import BagWriter, RecordingError, whole_bag
 from support.bag_samples import (
     START_NS,
     arm_state,
@@ -25,7 +27,6 @@ from support.recorded_samples import salvaged
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 
 @contextmanager
@@ -175,3 +176,41 @@ def test_disk___full_at_any_call___is_an_error_and_never_another_exception(
             record(path)
         kept = salvaged(mcap_file(path))
         assert kept == [message.raw for message in messages[: len(kept)]]
+
+
+def test_metadata___whose_writing_ends_half_way___are_those_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    messages = experiment(20)
+    path = tmp_path / "run"
+    bag = BagWriter(path, recorded_topics(messages))
+    for message in messages:
+        bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
+    before = information(path)
+    write_text = Path.write_text
+
+    def half(target: Path, text: str, *others: Any) -> int:  # noqa: ANN401
+        write_text(target, text[: len(text) // 2], *others)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", half)
+    with pytest.raises(RecordingError, match="No space left"):
+        bag.close()
+    assert information(path) == before
+
+
+@pytest.mark.parametrize("end", [KeyboardInterrupt, SystemExit, ValueError])
+def test_bag_that_can_be_made_again___interrupted___leaves_nothing(
+    tmp_path: Path, end: type[BaseException]
+) -> None:
+    messages = experiment(20)
+
+    def interrupted() -> None:
+        with whole_bag(tmp_path / "run", recorded_topics(messages)) as bag:
+            for message in messages[:10]:
+                bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
+            raise end
+
+    with pytest.raises(end):
+        interrupted()
+    assert not (tmp_path / "run").exists()

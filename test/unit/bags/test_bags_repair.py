@@ -1,16 +1,18 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
 
 from flexarm_bags.metadata import TopicQos
 from flexarm_bags.repair import repair_bag
 from flexarm_bags.writer import BagWriter, RecordingError
+from flexarm_core.bounds import READ_VARIABLE
 from support.bag_samples import (
     START_NS,
     Sent,
@@ -305,3 +307,85 @@ def test_foreign_definition___is_copied_without_our_types(tmp_path: Path) -> Non
     with AnyReader([tmp_path / "copy"]) as reader:
         ((connection, _, raw),) = reader.messages()
         assert reader.deserialize(raw, connection.msgtype).data == 2.0  # type: ignore[attr-defined]
+
+
+def file_of(file: Path, type_name: str, text: str, raws: list[bytes], **kinds: Any) -> Path:  # noqa: ANN401
+    """Write a file with messages on /level, and behind the first one an attachment."""
+    with file.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.NONE, **kinds)
+        writer.start("ros2", "")
+        schema = writer.register_schema(type_name, "ros2msg", text.encode())
+        channel = writer.register_channel("/level", "cdr", schema)
+        for number, raw in enumerate(raws):
+            writer.add_message(channel, START_NS + number, raw, START_NS + number, number)
+            if number == 0:
+                writer.add_attachment(0, 0, "video", "", b"x" * ATTACHED)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return file
+
+
+ATTACHED = 3 << 20
+
+
+@pytest.mark.parametrize(
+    ("other", "saved"),
+    [("int64 data\n", 1), ("float64 data  # metres\n", 2), ("float64 data\n", 2)],
+)
+def test_topic_with_two_definitions___has_that_of_the_first_file_and_its_messages(
+    tmp_path: Path, other: str, saved: int
+) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    first = "float64 data\n"
+    file_of(folder / "run_0.mcap", "lab/msg/Level", first, [bytes([0, 1, 0, 0, *bytes(8)])])
+    file_of(folder / "run_1.mcap", "lab/msg/Level", other, [bytes([0, 1, 0, 0, *bytes(8)])])
+    summary = repair_bag(folder, tmp_path / "copy")
+    assert summary.messages == saved
+    assert any("another definition than the first" in line for line in summary.damage) == (
+        saved == 1
+    )
+    with AnyReader([tmp_path / "copy"]) as reader:
+        (connection,) = reader.connections
+        assert connection.msgdef.data.strip() == first.strip()
+
+
+def test_honest_chunks___that_exceed_the_bound_together___are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raws = [bytes([0, 1, 0, 0]) + bytes([number]) * 400_000 for number in range(6)]
+    file = file_of(tmp_path / "run.mcap", "lab/msg/Level", "byte[] data\n", raws, chunk_size=1)
+    monkeypatch.setattr("flexarm_core.bounds._RATIO", 0)
+    monkeypatch.setenv(READ_VARIABLE, "3")
+    assert repair_bag(file, tmp_path / "copy").messages == 6
+    monkeypatch.setenv(READ_VARIABLE, "2")
+    with pytest.raises(RecordingError, match="unpacked it has more than 2 MB"):
+        repair_bag(file, tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
+def test_attachment___larger_than_any_record___is_passed_over_unparsed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexarm_bags.records.layout.CHUNK_BYTES", ATTACHED - 1)
+    raws = [bytes([0, 1, 0, 0, *bytes(8)])] * 5
+    file = file_of(tmp_path / "run.mcap", "lab/msg/Level", "float64 data\n", raws, chunk_size=1)
+    # Without its end it has no index, and is walked through.
+    file.write_bytes(file.read_bytes()[:-8])
+    summary = repair_bag(file, tmp_path / "copy")
+    assert summary.messages == 5
+    assert not any("MB" in line for line in summary.damage)
+
+
+def test_two_channels_of_one_topic___give_it_the_definition_of_the_first(tmp_path: Path) -> None:
+    raw = bytes([0, 1, 0, 0, *bytes(8)])
+    with (tmp_path / "run.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "")
+        for number, text in enumerate(("float64 data\n", "int64 data\n")):
+            schema = writer.register_schema("lab/msg/Level", "ros2msg", text.encode())
+            channel = writer.register_channel("/level", "cdr", schema, {"by": str(number)})
+            writer.add_message(channel, START_NS + number, raw, START_NS + number, number)
+        writer.finish()  # type: ignore[no-untyped-call]
+    assert repair_bag(tmp_path / "run.mcap", tmp_path / "copy").messages == 1
+    ((sent,),) = [content_of_file(tmp_path / "copy")]
+    assert sent.time_ns == START_NS

@@ -134,3 +134,23 @@ def test_error_of_the_system___is_told_without_its_number(tmp_path: Path) -> Non
     with pytest.raises(UnicodeDecodeError) as wrong:
         b"\xb0".decode()
     assert reason(wrong.value) == "it is no text in UTF-8"
+
+
+@pytest.mark.parametrize(("beyond", "refused"), [(0, False), (4096, True)])
+def test_holes___up_to_what_is_allowed_and_a_block_more___are_told_apart(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    beyond: int,
+    refused: bool,  # noqa: FBT001 - a parameter
+) -> None:
+    monkeypatch.setenv(bounds.READ_VARIABLE, "1")
+    file = tmp_path / "bag.mcap"
+    with file.open("wb") as stream:
+        stream.seek((1 << 20) + beyond)
+        stream.write(b"x" * 4096)
+    assert file.stat().st_blocks * 512 < 1 << 20
+    if refused:
+        with pytest.raises(BoundError, match="are holes"):
+            bounds.require_plain_file(file)
+    else:
+        assert bounds.require_plain_file(file) == (1 << 20) + 4096

@@ -14,9 +14,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, ChunkIndex, Statistics
+from mcap.records import Channel, ChunkIndex, Statistics
 from numpy.lib.stride_tricks import sliding_window_view
 
 from flexarm_bags.records.layout import (
@@ -25,7 +24,9 @@ from flexarm_bags.records.layout import (
     MESSAGE_FIXED,
     MESSAGE_HEAD,
     RECORD_START,
+    chunk_at,
     chunk_content,
+    record_at,
     summary_of,
 )
 from flexarm_core.errors import FlexarmError
@@ -194,8 +195,7 @@ def topic_pieces(files: Iterable[IndexedFile], topic: str) -> Iterator[Messages]
         for index in file.chunks:
             entries = _index_entries(file.stream, index, wanted)
             if len(entries):
-                file.stream.seek(index.chunk_start_offset + RECORD_START.size)
-                content = chunk_content(Chunk.read(ReadDataStream(file.stream)))
+                content = chunk_content(chunk_at(file.stream, index.chunk_start_offset))
                 heads = _heads(content, entries)
                 total += len(heads)
                 yield gathered(content, heads, entries["offset"].astype(np.intp))
@@ -260,9 +260,8 @@ def _index_entries(
     for channel in channels:
         if channel not in index.message_index_offsets:
             continue
-        stream.seek(index.message_index_offsets[channel])
-        _, length = RECORD_START.unpack(stream.read(RECORD_START.size))
-        entries = np.frombuffer(stream.read(length)[INDEX_START.size :], INDEX_ENTRY)
+        content = record_at(stream, index.message_index_offsets[channel])
+        entries = np.frombuffer(content[INDEX_START.size :], INDEX_ENTRY)
         numbered = np.empty(len(entries), _POINTER)
         numbered["log_time"], numbered["offset"] = entries["log_time"], entries["offset"]
         numbered["channel"] = channel

@@ -29,6 +29,7 @@ ENCAPSULATION = 4
 _MOST_MEMBERS = 10_000
 # A middleware may pad the end of a message; more than this is another layout.
 _LONGEST_PADDING = 8
+_ZSTD = bytes.fromhex("28b52ffd")
 _DTYPES = {
     "bool": "u1",
     "byte": "u1",
@@ -204,6 +205,8 @@ def _alike(
 
 def _decode_alike(rows: ByteRows, layout: Sequence[Member]) -> dict[str, Column]:
     """Decode rows in which every text and sequence has one length."""
+    if bytes(rows[0, : len(_ZSTD)]) == _ZSTD:
+        raise CdrError("the messages are compressed, which metadata.yaml tells: read its folder")
     if rows.shape[1] < ENCAPSULATION or not np.all(rows[:, :2] == (0, 1)):
         raise CdrError("a message is not little-endian CDR")
     cursor = _Cursor(rows[:, ENCAPSULATION:])

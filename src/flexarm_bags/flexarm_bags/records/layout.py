@@ -134,9 +134,29 @@ def whole_records(content: bytes) -> list[tuple[int, int, int]]:
 
 def record_content(data: bytes | mmap, start: int, end: int) -> bytes:
     """Return the content of a record; ValueError when it is larger than any but an attachment."""
-    if end - start > CHUNK_BYTES:
-        raise ValueError(f"a record of {end - start >> 20} MB, allowed are {CHUNK_BYTES >> 20}")
+    _require_record_size(end - start)
     return data[start:end]
+
+
+def record_at(stream: BinaryIO, place: int) -> bytes:
+    """Return the content of the record that begins at a place; ValueError as `record_content`."""
+    stream.seek(place)
+    _, length = RECORD_START.unpack(stream.read(RECORD_START.size))
+    _require_record_size(length)
+    return stream.read(length)
+
+
+def _require_record_size(size: int) -> None:
+    if size > CHUNK_BYTES:
+        raise ValueError(f"a record of {size >> 20} MB, allowed are {CHUNK_BYTES >> 20}")
+
+
+class _Content(BytesIO):
+    """Content of a record, which ends there whatever length one of its parts states."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Return the next bytes; a length of 2^63 or more is no error, as for BytesIO."""
+        return super().read(-1 if size is None else min(size, self.getbuffer().nbytes))
 
 
 def parse(opcode: int, content: bytes) -> tuple[records.McapRecord | None, int]:
@@ -151,7 +171,7 @@ def parse(opcode: int, content: bytes) -> tuple[records.McapRecord | None, int]:
     parser = _PARSERS.get(opcode)
     if parser is None:
         return None, 0
-    stream = ReadDataStream(BytesIO(content))
+    stream = ReadDataStream(_Content(content))
     return parser(stream), stream.count
 
 
@@ -196,6 +216,12 @@ def summary_of(stream: BinaryIO) -> list[records.McapRecord]:
         raise ValueError("the summary does not have its checksum")
     parsed = (parse(opcode, raw[start:end])[0] for opcode, start, end in walk(raw))
     return [record for record in parsed if record is not None]
+
+
+def chunk_at(stream: BinaryIO, place: int) -> records.Chunk:
+    """Return the chunk whose record begins at a place; ValueError as in `record_content`."""
+    chunk: records.Chunk = records.Chunk.read(ReadDataStream(_Content(record_at(stream, place))))
+    return chunk
 
 
 def chunk_content(chunk: records.Chunk) -> NDArray[np.uint8]:
@@ -272,6 +298,14 @@ def chunk_sizes(data: mmap, start: int, end: int) -> ChunkSizes | None:
     return ChunkSizes(
         start - RECORD_START.size, size, name, packed_start, min(packed_start + packed, end)
     )
+
+
+def has_its_length(data: mmap, chunk: ChunkSizes) -> bool:
+    """Return whether a chunk fills its record: both state the length of its packed bytes."""
+    _, length = RECORD_START.unpack_from(data, chunk.record_start)
+    (packed,) = _LENGTH.unpack_from(data, chunk.packed_start - _LENGTH.size)
+    head = chunk.packed_start - chunk.record_start - RECORD_START.size
+    return bool(length == head + packed)
 
 
 def unpacked_bytes(packed: bytes, compression: str, most: int) -> int:

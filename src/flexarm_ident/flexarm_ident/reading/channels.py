@@ -37,7 +37,7 @@ HEADER, RECEIVE = "header", "receive"
 CLOCKS = (HEADER, RECEIVE)
 _SECONDS, _NANOSECONDS = "header.stamp.sec", "header.stamp.nanosec"
 # Clocks of two machines that agree so well, and a difference of so many deviations, are no matter.
-_SAME_PACE, _SURE = 1e-4, 10.0
+_SAME_PACE, _SURE = 5e-5, 10.0
 # Times of a simulation pass at any pace.
 _SIMULATED = 0.02
 _FEWEST_STAMPS = 100

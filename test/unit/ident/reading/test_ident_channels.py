@@ -293,7 +293,16 @@ def test_read___commands_sent_when_they_change___are_known_throughout(tmp_path: 
 
 
 @pytest.mark.parametrize(
-    ("off", "told"), [(0.0, False), (2e-5, False), (1e-3, True), (-4e-3, True), (0.5, False)]
+    ("off", "told"),
+    [
+        (0.0, False),
+        (2e-5, False),
+        (1e-4, True),
+        (-1e-4, True),
+        (1e-3, True),
+        (-4e-3, True),
+        (0.5, False),
+    ],
 )
 def test_read___header_clock_off_that_of_the_recorder___is_told(
     tmp_path: Path,

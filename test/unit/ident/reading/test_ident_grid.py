@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_ident import DataError
-from flexarm_ident.reading.grid import held, on_grid, place
+from flexarm_ident.reading.grid import Grid, held, on_grid, place
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -151,3 +151,24 @@ def test_held___rows_before_the_first_change___have_its_value() -> None:
     # By hand: 7 from the start, 9 from 1.25 on.
     found = held(np.array([0.5, 1.25]), np.array([[7.0], [9.0]]), np.arange(-1, 4))
     np.testing.assert_allclose(found[:, 0], [7.0, 7.0, 8.5, 9.0, 9.0])
+
+
+def test_on_grid___sample_just_beyond_half_a_period___is_that_of_the_next_row() -> None:
+    instants = np.array([8.0, 9.0, 10.52, 12.0, 13.0])
+    found = on_grid(instants, 2.0 * instants[:, np.newaxis], np.arange(9, 13))[:, 0]
+    # The next row has it by the parabola, which is the line through values on a line.
+    np.testing.assert_allclose(found, [18.0, np.nan, 22.0, 24.0])
+
+
+def test_place___first_sample_that_is_late___keeps_its_lateness() -> None:
+    instants = np.arange(600.0)
+    instants[0] += 0.3
+    grid = place(np.arange(600), stamps_ns(instants, 300.0))
+    assert grid.instants[0] == pytest.approx(0.3, abs=0.02)
+    np.testing.assert_allclose(grid.instants[1:], np.arange(1, 600), atol=1e-9)
+
+
+def test_grid___more_samples_than_rows___has_lost_none() -> None:
+    grid = Grid(0.01, np.ones(5, np.bool_), np.array([0.0, 1.0]), samples=5)
+    assert grid.rows == 2
+    assert grid.lost == 0
