@@ -107,6 +107,34 @@ def test_end___a_topic_without_a_message_for_long___is_not_waited_for(
     assert not recording.ending
 
 
+def test_end___after_a_silence_of_all_topics___waits_a_while_for_what_is_on_its_way(
+    recording: Recording, bag: Path
+) -> None:
+    end = 2 * QUIET_MS
+    recording.end(end * MS)
+    recording.finish([], (end + 1) * MS)
+    assert recording.ending
+    recording.finish([sample(2)], (end + 2) * MS)
+    recording.finish([], (end + 2 + QUIET_MS) * MS)
+    assert not recording.ending
+    assert closed(recording, bag)[0] == [each.raw for each in SAMPLES[:2]]
+
+
+def test_end___a_backlog_that_still_comes___renews_the_wait(
+    recording: Recording, bag: Path
+) -> None:
+    recording.end(4 * MS)
+    recording.finish([sample(2)], QUIET_MS * MS)
+    recording.finish([], (4 + QUIET_MS) * MS)
+    assert recording.ending
+    recording.finish([sample(3)], (2 * QUIET_MS - 1) * MS)
+    recording.finish([], 2 * QUIET_MS * MS)
+    assert recording.ending
+    recording.finish([], (3 * QUIET_MS - 1) * MS)
+    assert not recording.ending
+    assert closed(recording, bag)[0] == [each.raw for each in SAMPLES[:3]]
+
+
 def test_end___that_waits_for_a_topic___leaves_nothing_in_memory_for_long(bag: Path) -> None:
     clock = Clock()
     recording = Recording(NAMES, [], quiet_s=QUIET_S)
