@@ -24,7 +24,7 @@ SAMPLES = 24_000
 """Twice as many as a reader that is stopped can leave to its writer."""
 
 
-def test_record___recorder_stopped_for_seconds___has_every_sample_and_command(
+def test_record___recorder_stopped_for_seconds___has_every_sample(
     graph: Graph, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
