@@ -83,7 +83,7 @@ _TESTS = (
         f"test/unit/bags/test_bags_{name}.py"
         for name in ("recording", "recording_survives", "split")
     ),
-    "test/unit/live/serving",
+    *(f"test/unit/live/serving/test_live_{name}.py" for name in ("hostile", "server")),
 )
 LEAST_SCORE = 0.9
 # mutmut names a module by its path below `src`, and no ROS is needed for these tests.

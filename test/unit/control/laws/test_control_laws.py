@@ -109,6 +109,15 @@ def test_pdpc___step___follows_the_truth_table(
     assert effort == Effort(error_v, compensation_v)
 
 
+@pytest.mark.parametrize("conditional", [True, False])
+def test_pdpc___effort___is_that_of_4_7(*, conditional: bool) -> None:
+    law = Pdpc(PdpGains(kp=0.5, kd=4.0, ksg=0.25), conditional=conditional)
+
+    effort = law.step((1.0, 7.0, 2.0, 0.1), 3.0)
+
+    assert effort.effort_v == pytest.approx(1.0 - 0.4 - 0.5)
+
+
 def test_pdpc_unconditional___at_the_set_point___still_compensates() -> None:
     law = Pdpc(ONLY_POSITION, conditional=False)
 

@@ -142,6 +142,27 @@ def test_law___without_a_command_in_force___hears_that_its_answers_were_sent(
     assert law.heard == [(0.0, 0.0)] * 3
 
 
+def test_answer_that_was_sent___misses_nothing_to_the_bit() -> None:
+    # 0.1 + 0.7 - 0.7 is not 0.1 in floating-point numbers.
+    law = _Listener(0.1, 0.7)
+    handover = Handover(law)
+    handover.step(VOLTS, 0.0, DriveCommand(0.0, 0.0))
+
+    handover.step(VOLTS, 0.0, DriveCommand(0.1 + 0.7, 0.7))
+
+    assert law.heard[-1] == (0.0, 0.0)
+
+
+def test_handover___new_law_with_a_larger_command___fades_up_to_it() -> None:
+    handover = Handover(_Constant(-1.0))
+    handover.step(VOLTS, 0.0)
+
+    handover.replace(_Constant(1.0))
+    commands_v = [sum(handover.step(VOLTS, 0.0)) for _ in range(30)]
+
+    assert commands_v == pytest.approx([min(1.0, -1.0 + k * FADE_V) for k in range(30)])
+
+
 def test_new_law___hears_its_own_answers_alone___and_fades_from_the_command_in_force() -> None:
     handover, law = Handover(_Constant(5.0)), _Listener(1.0)
     handover.step(VOLTS, 0.0, DriveCommand(0.0, 0.0))
