@@ -6,7 +6,11 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(),
-    package_data={f"{PACKAGE}.experiments": ["catalogue.yaml"], f"{PACKAGE}.nodes": ["*.yaml"]},
+    package_data={
+        f"{PACKAGE}.drivers.mujoco": ["*.xml"],
+        f"{PACKAGE}.experiments": ["catalogue.yaml"],
+        f"{PACKAGE}.nodes": ["*.yaml"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -14,6 +18,7 @@ setup(
     install_requires=["setuptools"],
     extras_require={
         "gym": ["gymnasium>=1.1,<2"],
+        "mujoco": ["mujoco>=3.3,<5"],
         "nidaq": ["nidaqmx>=1.0,<2"],
         "test": ["pytest"],
     },

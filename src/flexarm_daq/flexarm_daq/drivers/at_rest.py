@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.rigs.rig_protocol import RigError, has_own_clock
-from flexarm_daq.rigs.simulated import SimulatedRig
+from flexarm_daq.rigs.rig_protocol import RigError, has_own_clock, has_virtual_time
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
@@ -55,8 +54,7 @@ def read_at_rest(rig: Rig, description: RigDescription, duration_s: float) -> Re
 
 def _read(rig: Rig, description: RigDescription, duration_s: float) -> RestReading:
     samples = max(2, round(duration_s * description.rate_hz))
-    # Simulated readings take no time.
-    paced = not (has_own_clock(rig) or isinstance(rig, SimulatedRig))
+    paced = not (has_own_clock(rig) or has_virtual_time(rig))
     raw = np.empty((samples, len(description.outputs)))
     times_s = np.empty(samples)
     begun_s = time.monotonic()

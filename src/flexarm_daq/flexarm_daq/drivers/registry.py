@@ -7,7 +7,6 @@ description.
 from __future__ import annotations
 
 import inspect
-from dataclasses import fields
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,6 +14,9 @@ from typing import TYPE_CHECKING, Any, Final
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.own_modules import failed_line, own_module, told
+from flexarm_daq.drivers.mujoco.arm import MujocoSettings
+from flexarm_daq.drivers.mujoco.rig import MujocoRig
+from flexarm_daq.drivers.settings import require_count, settings_of
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_protocol import METHODS
@@ -30,27 +32,27 @@ GROUP: Final = "flexarm.rigs"
 """Entry points of packages that bring a driver."""
 
 
-def _simulated(rig: RigDescription) -> Rig:
+def _simulated(rig: RigDescription, _: Path) -> Rig:
     if rig.settings:
         raise SettingError("the simulated rig has no settings here, but parameters of the node daq")
     return SimulatedRig(rate_hz=rig.rate_hz)
 
 
-def _nidaq(rig: RigDescription) -> Rig:
-    known = [field.name for field in fields(NidaqSettings)]
-    for name in rig.settings:
-        if name not in known:
-            raise SettingError(f"the driver nidaq has no setting {name}{nearest(name, known)}")
-    settings: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in rig.settings.items()
-    }
-    return NidaqRig(NidaqSettings(**settings, rate_hz=rig.rate_hz))
+def _nidaq(rig: RigDescription, _: Path) -> Rig:
+    return NidaqRig(settings_of(NidaqSettings, rig, rate_hz=rig.rate_hz))
 
 
-DRIVERS: Final[dict[str, Callable[[RigDescription], Rig]]] = {
+def _mujoco(rig: RigDescription, folder: Path) -> Rig:
+    settings = settings_of(MujocoSettings, rig, rate_hz=rig.rate_hz)
+    require_count("actuators", settings.actuators, rig.input_names)
+    require_count("sensors", settings.sensors, rig.output_names)
+    return MujocoRig(settings, folder)
+
+
+DRIVERS: Final[dict[str, Callable[[RigDescription, Path], Rig]]] = {
     "simulated": _simulated,
     "nidaq": _nidaq,
+    "mujoco": _mujoco,
 }
 """Drivers that come with flexarm."""
 
@@ -71,7 +73,7 @@ def driven(rig: RigDescription, folder: Path) -> Rig:
         If there is no such driver, it does not take the settings, or it lacks a method.
     """
     if rig.driver in DRIVERS:
-        return DRIVERS[rig.driver](rig)
+        return DRIVERS[rig.driver](rig, folder)
     driver = _own(rig.driver, folder) if ":" in rig.driver else _installed(rig.driver)
     path = Path(inspect.getsourcefile(driver) or "")
     try:

@@ -15,7 +15,7 @@ from flexarm_daq.loop.self_test import check_possible
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
-from flexarm_daq.rigs.rig_protocol import absent_channels
+from flexarm_daq.rigs.rig_protocol import absent_channels, has_virtual_time
 from flexarm_daq.rigs.simulated import SimulatedRig
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from flexarm_core.rig_description import RigDescription
     from flexarm_daq.rigs.rig_protocol import Rig
 
+SIMULATORS = ("simulated", "mujoco")
+"""Drivers whose time may be virtual."""
 NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
 
 
@@ -49,7 +51,7 @@ def is_virtual(values: Mapping[str, Any]) -> bool:
     """Return whether the parameters `time` and `rig` mean sampling in virtual time."""
     return bool(
         values["time"] == "virtual"
-        or (values["time"] == "auto" and driver_name(values) == "simulated")
+        or (values["time"] == "auto" and driver_name(values) in SIMULATORS)
     )
 
 
@@ -63,10 +65,10 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
     """
     if wants_self_test(values):
         check_possible(values["rate_hz"], values["max_command_v"])
-    if driver_name(values) != "simulated" and values["time"] == "virtual":
+    if driver_name(values) not in SIMULATORS and values["time"] == "virtual":
         raise SettingError(
-            f"time = 'virtual', as --fast has it, needs rig = 'simulated', and rig = "
-            f"'{values['rig']}' has real time: leave it out"
+            f"time = 'virtual', as --fast has it, needs a rig of a driver "
+            f"{' or '.join(SIMULATORS)}, and rig = '{values['rig']}' has real time: leave it out"
         )
     rig = chosen_rig(values)
     require_methods(rig)
@@ -92,7 +94,10 @@ def chosen_rig(values: Mapping[str, Any]) -> Rig:
             f"rate_hz = {values['rate_hz']:g} of the node and {description.rate_hz:g} of "
             f"{values['rig']}: give the node rate_hz:={description.rate_hz}"
         )
-    return driven(description, Path(values["rig"]).parent)
+    rig = driven(description, Path(values["rig"]).parent)
+    if has_virtual_time(rig) and not is_virtual(values):
+        rig.clock = time.monotonic  # type: ignore[attr-defined]
+    return rig
 
 
 def require_thesis_signals(rig: RigDescription) -> None:
@@ -152,5 +157,5 @@ def wants_self_test(values: Mapping[str, Any]) -> bool:
     """Return whether the rig is to be pulsed before it is armed."""
     return bool(
         values["self_test"] == "on"
-        or (values["self_test"] == "auto" and driver_name(values) != "simulated")
+        or (values["self_test"] == "auto" and driver_name(values) not in SIMULATORS)
     )

@@ -46,6 +46,10 @@ class Rig(Protocol):
     sample clock says so by an attribute `has_own_clock` that is true, and its `read` blocks until
     the next sample of that clock.
 
+    A simulated rig whose time stands still between its samples says so by an attribute
+    `has_virtual_time` that is true. It has an attribute `clock`, None in virtual time, by which it
+    moves in real time.
+
     A rig that lacks a sensor reads a constant in its place, and names the channel in an attribute
     `absent_channels`, a tuple: neither self-test nor sensor check asks anything of that channel.
     """
@@ -108,6 +112,11 @@ METHODS = ("open", "read", "write", "safe_stop", "close")
 def has_own_clock(rig: Rig) -> bool:
     """Return whether reading a rig waits for its own clock, which paces the sampling."""
     return bool(getattr(rig, "has_own_clock", False))
+
+
+def has_virtual_time(rig: Rig) -> bool:
+    """Return whether the time of a rig stands still between its samples."""
+    return bool(getattr(rig, "has_virtual_time", False))
 
 
 def absent_channels(rig: Rig) -> tuple[str, ...]:

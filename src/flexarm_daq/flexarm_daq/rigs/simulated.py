@@ -50,6 +50,8 @@ class SimulatedRig:
     ----------
     parameters : RigParameters
         Rig with the payload of the next sample.
+    clock : callable or None
+        As given; it may be set before the rig is opened.
 
     Raises
     ------
@@ -85,7 +87,7 @@ class SimulatedRig:
             )
         self._rate_hz = rate_hz
         self._seed = seed
-        self._clock = clock
+        self.clock = clock
         # This import loads a compiler, which takes half a second. The module alone needs none.
         from flexarm_daq.rigs.plant import Plant  # noqa: PLC0415
 
@@ -95,6 +97,11 @@ class SimulatedRig:
         self._adc_step_v: float = 2.0 * INPUT_RANGE_V / 2**self.parameters.adc_bits
         self._dac_step_v: float = MAX_COMMAND_V / 2**self.parameters.dac_bits
         self._is_open = False
+
+    @property
+    def has_virtual_time(self) -> bool:
+        """Whether time stands still between the samples."""
+        return self.clock is None
 
     def open(self) -> None:
         """Start at rest in the middle of the travel, at time zero, with the noise's seed."""
@@ -108,7 +115,7 @@ class SimulatedRig:
         self._command_v = 0.0
         self._time_s = 0.0
         self._samples = 0
-        self._epoch_s = self._clock() if self._clock is not None else 0.0
+        self._epoch_s = self.clock() if self.clock is not None else 0.0
         self._is_open = True
 
     def read(self) -> RigSample:
@@ -172,11 +179,11 @@ class SimulatedRig:
         return hum_v
 
     def _advance_to(self, virtual_s: float) -> None:
-        now_s = virtual_s if self._clock is None else self._clock() - self._epoch_s
+        now_s = virtual_s if self.clock is None else self.clock() - self._epoch_s
         if now_s > self._time_s:
             gap_s = now_s - self._time_s
             self._plant.advance(
-                self._command_v, gap_s if self._clock is None else min(gap_s, MAX_CATCH_UP_S)
+                self._command_v, gap_s if self.clock is None else min(gap_s, MAX_CATCH_UP_S)
             )
             self._time_s = now_s
 

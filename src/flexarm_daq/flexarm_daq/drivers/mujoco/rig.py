@@ -1,0 +1,119 @@
+"""Rig in MuJoCo, in virtual or in real time."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_daq.drivers.mujoco.arm import MujocoArm
+from flexarm_daq.rigs.rig_protocol import RigError, RigSample
+from flexarm_daq.rigs.simulated import MAX_CATCH_UP_S
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_daq.drivers.mujoco.arm import MujocoSettings
+
+
+class MujocoRig:
+    """A `flexarm_daq.rigs.rig_protocol.Rig` whose physics are those of MuJoCo [1]_.
+
+    In virtual time, the default, sample k stands at k / rate, however long the caller takes, and a
+    command acts from the last sample on: the same seed and commands give the same numbers. With a
+    clock each call moves the arm on to the present, by whole steps of the engine, and at most by
+    `MAX_CATCH_UP_S`.
+
+    Parameters
+    ----------
+    settings : MujocoSettings
+        Model, names and noise.
+    folder : Path
+        Where a relative model file begins.
+    clock : callable, optional
+        Monotonic time in seconds; without it, time is virtual.
+
+    Attributes
+    ----------
+    settings : MujocoSettings
+        As given.
+    clock : callable or None
+        As given; it may be set before the rig is opened.
+
+    References
+    ----------
+    .. [1] Todorov, E., Erez, T., Tassa, Y. (2012). MuJoCo: a physics engine for model-based
+       control. IROS.
+    """
+
+    def __init__(
+        self, settings: MujocoSettings, folder: Path, *, clock: Callable[[], float] | None = None
+    ) -> None:
+        self.settings = settings
+        self._folder = folder
+        self.clock = clock
+        self._noise = np.array(settings.noise or [0.0] * len(settings.sensors))
+        self._arm: MujocoArm | None = None
+
+    @property
+    def has_virtual_time(self) -> bool:
+        """Whether time stands still between the samples."""
+        return self.clock is None
+
+    def open(self) -> None:
+        """Start at the model's rest, at time zero, with the noise's seed; see `Rig.open`."""
+        self._arm = MujocoArm(self.settings, self._folder)
+        self._random = np.random.default_rng(self.settings.seed)
+        self._samples = 0
+        self._moved_s = self.clock() if self.clock is not None else 0.0
+
+    def read(self) -> RigSample:
+        """Sample the sensors with noise; see `Rig.read`."""
+        arm = self._opened()
+        if self.clock is not None:
+            self._follow(arm, self.clock())
+        elif self._samples:
+            arm.advance(arm.substeps)
+        self._samples += 1
+        noise = self._noise * self._random.standard_normal(len(self._noise))
+        return RigSample(arm.time_s, arm.outputs() + noise)
+
+    def write(self, commands: FloatArray | float) -> None:
+        """Command the actuators, which clip as the model says; see `Rig.write`."""
+        arm = self._opened()
+        values = np.atleast_1d(np.asarray(commands, dtype=float))
+        if values.shape != (len(self.settings.actuators),) or not np.isfinite(values).all():
+            raise RigError(
+                f"commands must be {len(self.settings.actuators)} finite numbers, got {commands}"
+            )
+        if self.clock is not None:
+            self._follow(arm, self.clock())
+        arm.command(values)
+
+    def safe_stop(self) -> None:
+        """Set the actuators to zero; never raises."""
+        if self._arm is not None:
+            self._arm.command(np.zeros(len(self.settings.actuators)))
+
+    def close(self) -> None:
+        """Set the actuators to zero and close; `open` starts again from rest."""
+        self.safe_stop()
+        self._arm = None
+
+    def _opened(self) -> MujocoArm:
+        if self._arm is None:
+            raise RigError("the MuJoCo rig is not open: call open() first")
+        return self._arm
+
+    def _follow(self, arm: MujocoArm, now_s: float) -> None:
+        """Move on to an instant of the clock; the rest of a long gap is left out."""
+        gap_s = now_s - self._moved_s
+        if gap_s > MAX_CATCH_UP_S:
+            gap_s, self._moved_s = MAX_CATCH_UP_S, now_s - MAX_CATCH_UP_S
+        steps = math.floor(gap_s / arm.step_s)
+        if steps > 0:
+            arm.advance(steps)
+            self._moved_s += steps * arm.step_s
