@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 
 from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
 from flexarm_node import qos
@@ -15,6 +17,8 @@ from support.bag_samples import START_NS, played_bag
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from std_msgs.msg import Header
 
     from support.system_graph import Graph
 
@@ -65,6 +69,48 @@ def test_simulated_time_without_a_clock___is_told_and_stamps_are_the_wall_clocks
     for topic, found in stamps.items():
         assert all(abs(now_ns - each) < 600e9 for each in found), topic
     assert [node.printed.count(said) for node in nodes] == [1, 1, 1]
+
+
+def test_arm_whose_time_runs_ahead___every_stamp_is_of_its_time_and_the_wall_clock_an_entry(
+    graph: Graph,
+) -> None:
+    sampled_ns = [0]
+    apart_s: dict[str, float] = {}
+    walls_s: dict[str, float] = {}
+
+    def on_state(message: ArmState) -> None:
+        sampled_ns[0] = stamp_ns(message.header.stamp)
+
+    def note(name: str, header: Header) -> None:
+        apart_s[name] = (stamp_ns(header.stamp) - sampled_ns[0]) * 1e-9
+
+    def on_report(message: DiagnosticArray) -> None:
+        (status,) = message.status
+        name = status.name.rsplit("/", 1)[-1]
+        note(name, message.header)
+        walls_s[name] = float(next(e.value for e in status.values if e.key == "wall clock s"))
+
+    listen = graph.node.create_subscription
+    listen(ArmState, "state", on_state, qos.NEWEST)
+    listen(JointState, "joint_states", lambda each: note("joints", each.header), qos.NEWEST)
+    listen(MotorCommand, "command", lambda each: note("command", each.header), qos.NEWEST)
+    listen(DiagnosticArray, "/diagnostics", on_report, qos.EVERY)
+    for name in ("recorder", "controller"):
+        graph.start(name)
+    graph.start("daq", {"time": "virtual", "real_time_factor": 0.0, "rate_hz": 10.0})
+    graph.activate_loop()
+    graph.operator.activate("daq")
+    names = ("joints", "command", "daq", "controller", "recorder")
+
+    def ahead_s() -> float:
+        return sampled_ns[0] * 1e-9 - time.time()
+
+    graph.wait(lambda: ahead_s() > 100.0, "a lead on the wall clock")
+    apart_s.clear()
+    walls_s.clear()
+    graph.wait(lambda: all(name in apart_s for name in names), "every topic")
+    assert all(abs(each) < 60.0 for each in apart_s.values()), apart_s
+    assert all(abs(each - time.time()) < 60.0 for each in walls_s.values()), walls_s
 
 
 def test_arm_in_virtual_time___without_clock___publishes_none(graph: Graph) -> None:

@@ -45,6 +45,12 @@ def sequence_of(raw: bytes) -> int:
     return int(_SEQUENCE.unpack_from(raw, _sequence_at(raw))[0])
 
 
+def stamp_of(raw: bytes) -> int:
+    """Return the stamp of a message of a type of `SEQUENCED`, nanoseconds since the epoch."""
+    sec, nanosec = _STAMP.unpack_from(raw, ENCAPSULATION)
+    return int(sec * _NS + nanosec)
+
+
 def restamped(raw: bytes, stamp_ns: int, sequence: int) -> bytes:
     """Return a message of a type of `SEQUENCED` with another stamp and sequence number.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode
-from flexarm_node.stamps import joined_ns, set_stamp, stamp_members
+from flexarm_node.stamps import joined_ns, set_stamp
 from flexarm_node.statistics import AnswerCount, Window
 from flexarm_node.topics.layout import Layout
 from flexarm_node.topics.waiting import TopicWaiter, await_acknowledged
@@ -44,6 +44,7 @@ class AnsweringNode(LoopNode):
     """
 
     _heard_s = math.inf
+    _taken_ns = 0
     _waiting: Numbers | None = None
     direct: DirectHandover | None = None
     """Way from a DAQ node in the same process, whose samples alone are answered then."""
@@ -133,17 +134,20 @@ class AnsweringNode(LoopNode):
     def loop(self, stopping: threading.Event) -> None:
         """Answer until told to stop; a count of samples that goes back begins a new run."""
         self._count.restart()
-        self._heard_s = math.inf
+        self._heard_s, self._taken_ns = math.inf, 0
         if self._states is not None:
             self._answer_topic(self._states, stopping)
         elif self.direct is not None:
             self._leave_to_the_sampling_thread(self.direct, stopping)
         await_acknowledged(*self.publishers())
 
+    def sampled_ns(self) -> int:
+        """Return the stamp of the newest sample; see `LoopNode.sampled_ns`."""
+        return self._taken_ns if self._is_heard() else 0
+
     def is_answering(self) -> bool:
         """Return whether samples are coming and the loop answers them."""
-        is_heard = 0.0 <= time.monotonic() - self._heard_s < _SILENT_S
-        return is_heard and self.running and not self.trouble
+        return self._is_heard() and self.running and not self.trouble
 
     def warning(self) -> str:
         """Return that the samples have stopped, when they have."""
@@ -160,6 +164,9 @@ class AnsweringNode(LoopNode):
             "answer p50 ms": f"{answer.p50 * 1e3:.3f}",
             "answer p99 ms": f"{answer.p99 * 1e3:.3f}",
         }
+
+    def _is_heard(self) -> bool:
+        return 0.0 <= time.monotonic() - self._heard_s < _SILENT_S
 
     def _answer_topic(self, states: TopicWaiter, stopping: threading.Event) -> None:
         while not stopping.is_set():
@@ -186,10 +193,12 @@ class AnsweringNode(LoopNode):
         if not self._count.is_new(state.sequence, taken_ns):
             return None
         received_s = self._heard_s = time.monotonic()
+        self._taken_ns = taken_ns
         if self._count.begins(state.sequence, taken_ns):
             self.begin()
         effort_v, compensation_v = self.answer(state, taken_ns)
-        stamp = stamp_members(self.time.now_ns())
+        # Of the sample's clock: in virtual time no other one is the arm's.
+        stamp = (state.header_stamp_sec, state.header_stamp_nanosec)
         command = (*stamp, self._count.next(), state.sequence, effort_v, compensation_v)
         self._answer_s.add(time.monotonic() - received_s)
         return _Answer(command, taken_ns)

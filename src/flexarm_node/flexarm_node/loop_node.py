@@ -94,7 +94,7 @@ class LoopNode(LifecycleNode):
         self._thread: threading.Thread | None = None
         self._ended = self.create_guard_condition(self._deactivate_ended)
         self.time = NodeTime(self)
-        self._reporter = Reporter(self, self.time)
+        self._reporter = Reporter(self)
         # On the node's own clock a wall clock set back would silence the reports.
         self._idle_reports = self.create_timer(
             _REPORT_S, self._idle, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -124,6 +124,10 @@ class LoopNode(LifecycleNode):
     @abstractmethod
     def figures(self) -> Iterator[Figures]:
         """Yield the figures of the running loop for the diagnostics, a piece at a time."""
+
+    def sampled_ns(self) -> int:
+        """Return the stamp of the newest sample, ns, the time of a running loop; 0 without one."""
+        return 0
 
     def alarm(self) -> str:
         """Return the loop's complaint, while it runs and when it has ended; "" without one."""
@@ -320,4 +324,7 @@ class LoopNode(LifecycleNode):
         if self._trouble:
             message = f"{report.message}: {self._trouble}"
             report = report._replace(level=Level.ERROR, message=message)
-        self._reporter.publish(report, self.rig())
+        now_ns = self.time.now_ns()
+        # In virtual time the wall clock is not the arm's.
+        sampled_ns = self.sampled_ns() if self.running else 0
+        self._reporter.publish(report, sampled_ns or now_ns, self.rig())

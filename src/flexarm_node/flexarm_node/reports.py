@@ -6,6 +6,7 @@ the message as a whole, and keep the interpreter for half of a period at 2 kHz.
 
 from __future__ import annotations
 
+import time
 from enum import IntEnum
 from functools import lru_cache
 from struct import Struct
@@ -14,15 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from flexarm_node import qos
-from flexarm_node.stamps import stamp_members
+from flexarm_node.stamps import stamp_members, stamp_text
 from flexarm_node.topics.layout import ENCAPSULATION
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from rclpy.node import Node
-
-    from flexarm_node.node_time import NodeTime
 
 _STAMP = Struct("<iI")
 _COUNT = Struct("<I")
@@ -88,17 +87,20 @@ class Reporter:
     ----------
     node : Node
         Its full name is that of the status, its namespace the arm.
-    node_time : NodeTime
-        Time of the node, for the stamps.
     """
 
-    def __init__(self, node: Node, node_time: NodeTime) -> None:
+    def __init__(self, node: Node) -> None:
         self._node = node
-        self._time = node_time
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.SENT)
 
-    def publish(self, report: Report, rig: str = "") -> None:
-        """Publish a report, with the arm and the rig of the node as its hardware."""
+    def publish(self, report: Report, now_ns: int, rig: str = "") -> None:
+        """Publish a report, with the arm and the rig of the node as its hardware.
+
+        Its stamp is of the clock that stamps the node's other messages. The wall clock, of which
+        the arm's time in virtual time falls behind or runs ahead, is an entry.
+        """
         name = self._node.get_fully_qualified_name()
         hardware_id = f"{self._node.get_namespace()} {rig}".strip()
-        self._publisher.publish(report_bytes(report, name, hardware_id, self._time.now_ns()))
+        wall = entries({"wall clock s": stamp_text(time.time_ns())})
+        report = report._replace(entries=[*report.entries, *wall])
+        self._publisher.publish(report_bytes(report, name, hardware_id, now_ns))

@@ -39,6 +39,7 @@ from flexarm_daq.rigs.rig_protocol import Rig, RigError, absent_channels, has_ow
 from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_node.loop_node import LoopNode
 from flexarm_node.process import run
+from flexarm_node.stamps import stamp_text
 from flexarm_node.statistics import Rate
 
 if TYPE_CHECKING:
@@ -159,6 +160,10 @@ class DaqNode(LoopNode):
             if not stopping.is_set():
                 self._link.await_readers()
 
+    def sampled_ns(self) -> int:
+        """Return the stamp of the newest sample; see `LoopNode.sampled_ns`."""
+        return self._link.newest_ns
+
     def _tell_held_up(self, passed_s: float) -> None:
         """Report in the place of the loop's thread, which the law has not left."""
         self.report_beside(
@@ -190,7 +195,7 @@ class DaqNode(LoopNode):
         yield {
             "drive": safety.state.value,
             "held after s": "" if math.isnan(acquisition.held_s) else f"{acquisition.held_s:.3f}",
-            "last sample s": self._link.newest_s,
+            "last sample s": stamp_text(self._link.newest_ns),
             "samples": acquisition.taken,
             "rate Hz": f"{rate_hz:.1f}",
             "off rate": acquisition.off_rate,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import queue
+import struct
 import threading
 import time
 from concurrent.futures import Future
@@ -22,6 +23,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from flexarm_bags.records.storage_file import CHUNK_BYTES
+from flexarm_bags.sequence import COMMANDS, SEQUENCED, stamp_of
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import SettingError
 from flexarm_core.own_files import user_path
@@ -40,10 +42,10 @@ from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.qos import EVERY, RECORDED, SEEN, STATUS
 from flexarm_node.reports import Level, Report, Reporter, entries
-from flexarm_node.topics.waiting import RawTopicsWaiter, node_names
+from flexarm_node.topics.waiting import RawMessage, RawTopicsWaiter, node_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -69,6 +71,12 @@ class RecorderNode(Node):
         resolved = [self.resolve_topic_name(name) for name in names]
         self._topics = recorded_topics(names, resolved)
         self._waiter = RawTopicsWaiter(self, [(TOPICS[name][0], name, RECORDED) for name in names])
+        self._samples = {
+            number
+            for number, topic in enumerate(self._topics)
+            if topic.definition.type_name in SEQUENCED - COMMANDS
+        }
+        self._sampled_ns = 0
         self._in_force = []
         for number, (topic, name) in enumerate(zip(resolved, names, strict=True)):
             if name in IN_FORCE:
@@ -86,7 +94,8 @@ class RecorderNode(Node):
         )
         self._stopping = threading.Event()
         self._silent_reports = 0
-        self._reporter = Reporter(self, NodeTime(self))
+        self._time = NodeTime(self)
+        self._reporter = Reporter(self)
         self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/record", self._on_record)
         if self._settings.values()["bag"]:
@@ -114,6 +123,7 @@ class RecorderNode(Node):
                 self._recording.take(messages, time.monotonic_ns())
             except RecordingError:
                 self.get_logger().error(self.failure)
+            self._follow(messages)
             while not self._requests.empty():
                 action, answer = self._requests.get()
                 try:
@@ -122,6 +132,14 @@ class RecorderNode(Node):
                     answer.set_exception(error)
         with suppress(RecordingError):
             self._close()
+
+    def _follow(self, messages: Sequence[RawMessage]) -> None:
+        """Note the stamp of the newest sample: the time of what this node reports."""
+        for message in reversed(messages):
+            if message.topic in self._samples:
+                with suppress(struct.error):
+                    self._sampled_ns = stamp_of(message.raw)
+                return
 
     def _write_what_is_on_its_way(self) -> None:
         """Write every message that was sent before now and comes in time."""
@@ -208,7 +226,9 @@ class RecorderNode(Node):
                 values["messages kept for a snapshot"] = len(last)
         if self.failure:
             level, message = Level.ERROR, self.failure
-        self._reporter.publish(Report(level, message, entries(values)))
+        now_ns, sampled_ns = self._time.now_ns(), self._sampled_ns
+        self._sampled_ns = 0
+        self._reporter.publish(Report(level, message, entries(values)), sampled_ns or now_ns)
 
     def _look_at_publishers(self) -> None:
         """Subscribe as publishers offer, where they offer less, and tell what a bag lacks."""

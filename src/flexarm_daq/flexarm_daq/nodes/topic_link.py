@@ -16,7 +16,7 @@ from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from flexarm_node.node_time import beside_steady_clock
-from flexarm_node.stamps import joined_ns, set_stamp, stamp_members, stamp_text
+from flexarm_node.stamps import joined_ns, set_stamp, stamp_members
 from flexarm_node.topics.handover import CommandWaiter
 from flexarm_node.topics.layout import Layout
 from flexarm_node.topics.waiting import TopicWaiter, await_acknowledged, node_names, wait_until
@@ -52,6 +52,11 @@ class TopicLink:
         Owner of the topics.
     handover : DirectHandover, optional
         Way to a commander in the same process.
+
+    Attributes
+    ----------
+    newest_ns : int
+        Stamp of the newest sample of the run, ns; 0 before the first.
     """
 
     def __init__(self, node: LoopNode, handover: DirectHandover | None = None) -> None:
@@ -75,7 +80,7 @@ class TopicLink:
         self._joint.header.frame_id = node.frame
         self._joint_every = 1
         self._start_ns = 0
-        self._newest_ns = 0
+        self.newest_ns = 0
         self._unsent: tuple[Numbers, Record] | None = None
         self._is_others_turn = False
         self._virtual = False
@@ -83,6 +88,7 @@ class TopicLink:
     def start(self, rate_hz: float, *, virtual: bool, clock: bool, await_commander: bool) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
         self._virtual = virtual
+        self.newest_ns = 0
         if not (virtual and clock):
             self._release_clock()
         elif self._clock is None:
@@ -93,11 +99,6 @@ class TopicLink:
         while self._commands.wait_newest(0.0) is not None:
             pass
         self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))
-
-    @property
-    def newest_s(self) -> str:
-        """Stamp of the newest sample, in seconds since the epoch."""
-        return stamp_text(self._newest_ns)
 
     def has_commander(self) -> bool:
         """Return whether a node is there that could send commands."""
@@ -110,9 +111,9 @@ class TopicLink:
             # that makes the time of `/clock` cannot follow it.
             clock = self._node.time.now_ns if self._clock is None else time.time_ns
             self._start_ns = record.start_ns(*beside_steady_clock(clock))
-        self._newest_ns = self._start_ns + round(record.time_s * 1e9)
+        self.newest_ns = self._start_ns + round(record.time_s * 1e9)
         state = (
-            *stamp_members(self._newest_ns),
+            *stamp_members(self.newest_ns),
             record.sequence,
             *record.volts.tolist(),
             record.command_v,
@@ -139,7 +140,7 @@ class TopicLink:
             # The arm's time waits for its recorder as well.
             self.await_readers()
         if self._clock is not None and self._clock.get_subscription_count():
-            set_stamp(self._now.clock, self._newest_ns)
+            set_stamp(self._now.clock, self.newest_ns)
             self._clock.publish(self._now)
         if record.sequence % self._joint_every == 0 and self._joint_states.get_subscription_count():
             self._publish_joints(record)
@@ -215,7 +216,7 @@ class TopicLink:
 
     def _publish_joints(self, record: Record) -> None:
         joint = self._joint
-        set_stamp(joint.header.stamp, self._newest_ns)
+        set_stamp(joint.header.stamp, self.newest_ns)
         position_v, *strains_v, speed_v = record.volts.tolist()
         joint.position = [_POSITION.to_si(position_v), *(_BEND_ANGLES @ strains_v)]
         joint.velocity = [_SPEED.to_si(speed_v), *_UNKNOWN]

@@ -286,13 +286,14 @@ def _marks(pieces: Iterable[Recorded]) -> Marks:
         (
             piece.integer("sequence"),
             piece.stamps_ns(),
+            piece.log_times_ns,
             piece.integer("command_sequence")
             if piece.has("command_sequence")
             else np.zeros(len(piece), dtype=np.int64),
         )
         for piece in pieces
     ]
-    if not sum(len(sequence) for sequence, _, _ in columns):
+    if not sum(len(sequence) for sequence, *_ in columns):
         raise DataError("no messages on the topic")
     return Marks(*(np.concatenate(each) for each in zip(*columns, strict=True)))
 
@@ -305,13 +306,13 @@ def _answers(pieces: Iterable[Recorded], numbers: NDArray[np.int64]) -> Answers:
         answered = piece.integer("state_sequence")
         within = np.searchsorted(numbers[:, 0], answered, side="right") - 1
         asked = (within >= 0) & (answered < numbers[within.clip(min=0), 1])
-        told = np.column_stack([piece.integer("sequence"), answered, piece.stamps_ns()])
+        told = np.column_stack([piece.integer("sequence"), answered, piece.log_times_ns])
         integers.append(told[asked])
         compensation_v = piece.real("compensation_v")
         command_v = piece.real("effort_v") + compensation_v
         values_v.append(np.column_stack([command_v, compensation_v])[asked])
-    sequence, state_sequence, stamps_ns = np.concatenate(integers).T
-    return Answers(sequence, state_sequence, stamps_ns, np.concatenate(values_v))
+    sequence, state_sequence, sent_ns = np.concatenate(integers).T
+    return Answers(sequence, state_sequence, sent_ns, np.concatenate(values_v))
 
 
 def _loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> bool | None:

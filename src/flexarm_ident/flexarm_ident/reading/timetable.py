@@ -42,25 +42,26 @@ _NS = 1_000_000_000
 
 
 class Marks(NamedTuple):
-    """Numbers and stamps of the messages of a topic, in the order of sending, (messages,) each.
+    """Numbers, stamps and sending of a topic's messages in their order, (messages,) each.
 
     `command_sequence` is that of the command in force, zero without one.
     """
 
     sequence: Integers
     stamps_ns: Integers
+    sent_ns: Integers
     command_sequence: Integers
 
 
 class Answers(NamedTuple):
-    """Recorded commands: own number, sample they answer, stamp, and command with compensation.
+    """Recorded commands: own number, sample they answer, instant of sending, and values.
 
-    Each is (commands,), `values_v` (commands, 2).
+    Each is (commands,), `values_v` (commands, 2): command and its compensation.
     """
 
     sequence: Integers
     state_sequence: Integers
-    stamps_ns: Integers
+    sent_ns: Integers
     values_v: FloatArray
 
 
@@ -247,7 +248,7 @@ def _inside_holes(
             values.append(told.values_v[own[known]].clip(-MAX_COMMAND_V, MAX_COMMAND_V))
             underway[at] = True
         elif len(own):
-            late_s = (told.stamps_ns[own[-1]] - marks.stamps_ns[at]) / _NS
+            late_s = (told.sent_ns[own[-1]] - marks.sent_ns[at]) / _NS
             acted = told.sequence[own[-1]] == marks.command_sequence[at + 1]
             unheeded[at] = acted and late_s > _PROMPT * grid.period_s
     changes = Changes(
