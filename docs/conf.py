@@ -86,16 +86,23 @@ _LITERAL = re.compile(r"(`+[^`]+`+)")
 
 
 _METHODS_HERE = "<!-- table of methods -->"
+_WARNINGS_HERE = "<!-- table of data warnings -->"
 
 
-def _with_methods(_: Sphinx, __: str, source: list[str]) -> None:
-    """Put the table of the estimators where a page asks for it."""
+def _with_tables(_: Sphinx, __: str, source: list[str]) -> None:
+    """Put the tables of the estimators and of the data warnings where a page asks for them."""
     if _METHODS_HERE in source[0]:
         from flexarm_ident.subspace.methods import METHODS  # noqa: PLC0415 - one page needs it
 
         rows = [f"| `{row.name}` | {row.title} | {row.help} |" for row in METHODS.values()]
         table = ["| method | what it is | when |", "| --- | --- | --- |", *rows]
         source[0] = source[0].replace(_METHODS_HERE, "\n".join(table))
+    if _WARNINGS_HERE in source[0]:
+        from flexarm_ident.diagnostics.quality import kinds  # noqa: PLC0415 - one page needs it
+
+        rows = [f"| `{each.code}` | {each.when} | {each.remedy} |" for each in kinds().values()]
+        table = ["| code | when | what to do |", "| --- | --- | --- |", *rows]
+        source[0] = source[0].replace(_WARNINGS_HERE, "\n".join(table))
 
 
 def _with_targets(_: Sphinx, __: str, source: list[str]) -> None:
@@ -130,7 +137,7 @@ def _as_plain_text(*arguments: Any) -> None:  # noqa: ANN401 - as autodoc calls 
 def setup(app: Sphinx) -> None:
     """Add what the pages need beside the extensions."""
     app.connect("source-read", _with_targets)
-    app.connect("source-read", _with_methods)
+    app.connect("source-read", _with_tables)
     app.connect("autodoc-process-docstring", _as_plain_text)
     # Before the theme, which asks for the contents.
     app.connect("html-page-context", _with_own_branch, priority=400)

@@ -19,8 +19,9 @@ import scipy
 
 from flexarm_core.errors import DataError
 from flexarm_core.labels import instant
+from flexarm_ident.diagnostics.check import Check, each_record
 from flexarm_ident.diagnostics.drive import is_stopped, moves_seldom
-from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.data_warning import PLANT_CHANGED, Grade
 from flexarm_ident.records.naming import short_names
 from flexarm_ident.records.span import part_options, without
 from flexarm_ident.subspace.segments import cut, segment_grams
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.segments import Segment
@@ -135,8 +137,7 @@ def differences(records: Sequence[IoData]) -> Iterator[DataWarning]:
         if len(set(labels)) < count:
             name = f"record {change.segment + 1}"
         others = "the other record" if count == 2 else "the other records"  # noqa: PLR2004
-        yield DataWarning(
-            "plant_differs",
+        yield PLANT_CHANGED(
             f"the plant of {name} is not that of {others}: a model of one side predicts the other "
             f"{_worse(change.loss)} its own; identify each alone (--each), or those of the same "
             "arm and load together",
@@ -200,8 +201,7 @@ def _with_reference(record: IoData) -> IoData:
 
 def _warning(record: IoData, changed: str, found: _Change, parts: Sequence[Segment]) -> DataWarning:
     row = parts[found.segment].first
-    return DataWarning(
-        f"{changed}_changed",
+    return PLANT_CHANGED(
         f"the {changed} changes in mid-record, near {instant(row, record.dt_s)}: a model of one "
         f"side predicts the other {_worse(found.loss)} its own; {_remedy(record, row)}",
         {"row": float(row), "loss": found.loss, "p_value": found.p_value},
@@ -291,3 +291,9 @@ def _models(known: FloatArray, crossed: FloatArray) -> FloatArray:
     unit += _RIDGE * np.eye(known.shape[1])
     scale = scale[..., np.newaxis]
     return np.asarray(np.linalg.solve(unit, crossed / scale) / scale)
+
+
+CHECKS = (
+    Check(each_record(changes), (PLANT_CHANGED,)),
+    Check(lambda data: differences(data.records), (PLANT_CHANGED,)),
+)

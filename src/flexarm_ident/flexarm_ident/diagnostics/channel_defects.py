@@ -1,4 +1,4 @@
-"""Defects of single channels: constant, all offset, saturated, dead, duplicated."""
+"""Defects of single channels: constant, all offset, saturated, dead, duplicated, with holes."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 
 from flexarm_core.arrays import runs
 from flexarm_core.labels import counted, instant
+from flexarm_ident.diagnostics.check import Check, each_record, each_whole
+from flexarm_ident.records.data_warning import LOST_SAMPLES, Grade, Kind
 from flexarm_ident.records.holes import holes_told
-from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.records.signals import (
     CONSTANT_SHARE,
     ROUNDING,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
 
 LARGEST_OFFSET = 10.0
@@ -46,47 +48,52 @@ _LONGER, _MORE = 1.5, 2
 _BLOWS = 3
 
 
-def channel_defects(record: IoData) -> Iterator[DataWarning]:
-    """Yield the defects that single channels of a record, or two of them, show by themselves."""
+def constant_channels(record: IoData) -> Iterator[DataWarning]:
+    """Yield the channels that are constant, and the inputs that count."""
     for name, x in _named(record):
         constant = constant_share(x)
         if not np.any(x):
             # As a rig without that sensor has it, whose other channels are as good.
-            yield DataWarning(
-                "constant_channel",
+            yield _CONSTANT(
                 f"{name} is 0 in every sample: leave it out where it has no sensor, else check it",
                 {"share": constant},
                 channel=name,
             )
-            continue
-        if constant > CONSTANT_SHARE:
+        elif constant > CONSTANT_SHARE:
             yield from _rest(record, name, x, constant)
-            continue
-        if name in record.inputs and _counts(x):
-            yield DataWarning(
-                "counter",
+        elif name in record.inputs and _counts(x):
+            yield _CONSTANT(
                 f"{name} goes on by nearly the same step in every sample, as a time or a counter "
                 "of samples does: take the column of the input",
                 {"step": float(np.median(np.diff(x)))},
                 grade=Grade.DO_NOT_USE,
                 channel=name,
             )
-        dense = np.ascontiguousarray(x)
-        limits = []
-        for extreme, inward in ((float(dense.max()), -1.0), (float(dense.min()), 1.0)):
-            share = _plateau_share(dense, extreme, inward)
-            if share > 0.0:
-                limits.append(extreme)
-                yield DataWarning(
-                    "saturation",
-                    f"{name} reaches {extreme:.4g} and may be saturated: it stays there in "
-                    f"{_percent(share)} of the samples; lower the drive or the gain",
-                    {"level": extreme, "share": share},
-                    channel=name,
-                )
-        yield from _dead_sensor(record, name, limits)
-    yield from _unmeasured(record)
-    yield from _duplicates(record)
+
+
+def limited_channels(record: IoData) -> Iterator[DataWarning]:
+    """Yield the channels that are cut off at an extreme."""
+    for name, x in _named(record):
+        for extreme, share in _limits(x):
+            yield _SATURATION(
+                f"{name} reaches {extreme:.4g} and may be saturated: it stays there in "
+                f"{_percent(share)} of the samples; lower the drive or the gain",
+                {"level": extreme, "share": share},
+                channel=name,
+            )
+
+
+def dead_sensors(record: IoData) -> Iterator[DataWarning]:
+    """Yield the outputs that stand still for a stretch while others move."""
+    for channel, (name, x) in enumerate(zip(record.outputs, record.y.T, strict=True)):
+        if constant_share(x) > CONSTANT_SHARE:
+            continue
+        found = dead_stretches(record, channel)
+        # A saturated signal is constant as well.
+        limits = [extreme for extreme, _ in _limits(x)] if found else []
+        dead = [rows for rows in found if x[rows.start] not in limits]
+        if dead:
+            yield _dead_sensor(record, name, dead)
 
 
 def offsets(records: Sequence[IoData]) -> Iterator[DataWarning]:
@@ -101,8 +108,7 @@ def offsets(records: Sequence[IoData]) -> Iterator[DataWarning]:
         mean, deviation = _mean_and_deviation(look(x))
         if abs(mean) > LARGEST_OFFSET * deviation:
             mean, deviation = _mean_and_deviation(x)
-            yield DataWarning(
-                "offset",
+            yield _OFFSET(
                 f"{name} is almost all offset (mean {mean:.4g}, deviation {deviation:.2g}): "
                 "remove its bias where no note says that it was removed (--bias mean)",
                 {"mean": mean, "deviation": deviation},
@@ -115,8 +121,7 @@ def _rest(record: IoData, name: str, x: FloatArray, constant: float) -> Iterator
     usual = np.median(x)
     blows = len(runs(np.abs(x - usual) > ROUNDING * abs(usual)))
     if name not in record.inputs or not blows:
-        yield DataWarning(
-            "constant_channel",
+        yield _CONSTANT(
             f"{name} is constant in {_percent(constant)} of the samples and carries no "
             "information: check the channel, or leave it out",
             {"share": constant},
@@ -124,8 +129,7 @@ def _rest(record: IoData, name: str, x: FloatArray, constant: float) -> Iterator
             channel=name,
         )
     elif blows < _BLOWS:
-        yield DataWarning(
-            "constant_channel",
+        yield _CONSTANT(
             f"{name} is constant in {_percent(constant)} of the samples and leaves that value in "
             f"{counted(blows, 'place')}: check the channel, or drive on",
             {"share": constant},
@@ -133,23 +137,11 @@ def _rest(record: IoData, name: str, x: FloatArray, constant: float) -> Iterator
         )
 
 
-def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator[DataWarning]:
-    if name not in record.outputs:
-        return
-    channel = record.outputs.index(name)
-    # A saturated signal is constant as well.
-    dead = [
-        rows
-        for rows in dead_stretches(record, channel)
-        if record.y[rows.start, channel] not in limits
-    ]
-    if not dead:
-        return
+def _dead_sensor(record: IoData, name: str, dead: Sequence[range]) -> DataWarning:
     samples = sum(map(len, dead))
     longest = max(dead, key=len)
     stretches = counted(len(dead), "stretch", "stretches")
-    yield DataWarning(
-        "dead_sensor",
+    return _DEAD(
         f"{name} is dead in {_percent(samples / len(record))} of the samples, {stretches}, the "
         f"longest from {instant(longest.start, record.dt_s)} to "
         f"{instant(longest.stop - 1, record.dt_s)}: check the sensor, and leave those rows out "
@@ -175,11 +167,11 @@ def _counts(x: FloatArray) -> bool:
     return float(np.mean(np.abs(steps / usual - 1.0) <= _JITTER)) > CONSTANT_SHARE
 
 
-def _unmeasured(record: IoData) -> Iterator[DataWarning]:
+def unmeasured(record: IoData) -> Iterator[DataWarning]:
     """Yield the outputs that lack more samples than the recording lost in all channels."""
     if record.missing is None:
         return
-    lost = sum(each.figures["missing"] for each in record.notices if each.name == "lost_samples")
+    lost = sum(each.figures.get("missing", 0.0) for each in record.notices)
     alike: dict[bytes, list[str]] = {}
     for name, missing in zip(record.outputs, record.missing.T, strict=True):
         if missing.sum() > lost:
@@ -188,10 +180,11 @@ def _unmeasured(record: IoData) -> Iterator[DataWarning]:
         missing = record.missing[:, record.outputs.index(names[0])]
         text, figures = holes_told(missing, record.dt_s)
         channel = names[0] if len(names) == 1 else ""
-        yield DataWarning("unmeasured", f"{', '.join(names)}: {text}", figures, channel=channel)
+        yield LOST_SAMPLES(f"{', '.join(names)}: {text}", figures, channel=channel)
 
 
-def _duplicates(record: IoData) -> Iterator[DataWarning]:
+def duplicates(record: IoData) -> Iterator[DataWarning]:
+    """Yield the channels that repeat another one."""
     channels = [(name, x) for name, x in _named(record) if constant_share(x) <= CONSTANT_SHARE]
     for (name, x), (other, y) in combinations(channels, 2):
         # A proportional law makes its command a multiple of an output.
@@ -201,8 +194,7 @@ def _duplicates(record: IoData) -> Iterator[DataWarning]:
             continue
         correlation = _correlation(x, y)
         if abs(correlation) > 1.0 - _SAME:
-            yield DataWarning(
-                "duplicated_channel",
+            yield _DUPLICATE(
                 f"{other} repeats {name} (correlation {correlation:+.7f}): check the wiring, or "
                 "leave one out",
                 {"correlation": correlation},
@@ -223,6 +215,16 @@ def _correlation(x: FloatArray, y: FloatArray) -> float:
     x, y = x - x.mean(), y - y.mean()
     power = float(x @ x) * float(y @ y)
     return float(x @ y) / np.sqrt(power) if power > 0.0 else 0.0
+
+
+def _limits(x: FloatArray) -> list[tuple[float, float]]:
+    """Return the extremes at which a signal is cut off, and the share of the samples there."""
+    if constant_share(x) > CONSTANT_SHARE:
+        return []
+    dense = np.ascontiguousarray(x)
+    ends = ((float(dense.max()), -1.0), (float(dense.min()), 1.0))
+    found = [(extreme, _plateau_share(dense, extreme, inward)) for extreme, inward in ends]
+    return [(extreme, share) for extreme, share in found if share > 0.0]
 
 
 def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
@@ -273,3 +275,45 @@ def _rests_at_turns(x: FloatArray, extreme: float, inward: float) -> NDArray[np.
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.3g} %"
+
+
+_CONSTANT = Kind(
+    "constant_channel",
+    "Constant channel",
+    "more than 99 % of the samples are one value, but for an input at rest between three blows "
+    "or more; an input goes on by the same step within a half in 99 % of them, as a time or a "
+    "counter does",
+    "check the wire, or leave it out; take the column of the input",
+)
+_SATURATION = Kind(
+    "saturation",
+    "Saturation",
+    "0.1 % of the samples at an extreme that the signal runs into, in stretches of 3 or more",
+    "less drive or gain",
+)
+_DEAD = Kind(
+    "dead_sensor",
+    "Dead sensor",
+    "a continuous output keeps one value for over 20 samples while others move",
+    "check the sensor, leave the rows out (`--from`, `--to`)",
+)
+_DUPLICATE = Kind(
+    "duplicated_channel",
+    "Duplicated channel",
+    "two channels correlate within 1e-6 of 1",
+    "check the wiring, or leave one out",
+)
+_OFFSET = Kind(
+    "offset",
+    "Offset",
+    "mean above ten standard deviations of the whole record",
+    "remove the bias (`preprocess`, `--bias mean`)",
+)
+CHECKS = (
+    Check(each_record(constant_channels), (_CONSTANT,)),
+    Check(each_record(limited_channels), (_SATURATION,)),
+    Check(each_record(dead_sensors), (_DEAD,)),
+    Check(each_record(unmeasured), (LOST_SAMPLES,)),
+    Check(each_record(duplicates), (_DUPLICATE,)),
+    Check(each_whole(offsets), (_OFFSET,)),
+)

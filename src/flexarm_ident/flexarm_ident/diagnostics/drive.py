@@ -9,13 +9,15 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from flexarm_core.arrays import runs
 from flexarm_core.labels import counted, instant
-from flexarm_ident.records.iodata import DataWarning
+from flexarm_ident.diagnostics.check import Check, each_record
+from flexarm_ident.records.data_warning import Kind
 from flexarm_ident.records.span import without
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from flexarm_core.arrays import BoolArray
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
 
 # The same sign of four answers may be chance (one in sixteen), that of five is not at 5 %.
@@ -41,8 +43,7 @@ def drive_defects(record: IoData) -> Iterator[DataWarning]:
     active = _active_windows(record)
     moves, share = len(runs(active)), float(active.mean())
     total_s = len(record) * record.dt_s
-    yield DataWarning(
-        "few_moves",
+    yield _KIND(
         f"the inputs act in {share * total_s:.3g} of {total_s:.4g} s only, in "
         f"{counted(moves, 'move')}: an answer cannot be told from a disturbance; make {_MOVES} "
         "moves or more, all over the record",
@@ -108,8 +109,7 @@ def _hold(record: IoData) -> Iterator[DataWarning]:
         "moves": float(moves),
     }
     if _is_stop(record, hold):
-        yield DataWarning(
-            "held_drive",
+        yield _KIND(
             f"the drive is at zero from {instant(first, record.dt_s)} to the end, "
             f"{100.0 * share:.3g} % of the record, as after a stop: leave those rows out "
             f"({without(record, [(first, last)])})",
@@ -118,8 +118,7 @@ def _hold(record: IoData) -> Iterator[DataWarning]:
         return
     if share < _HOLD_SHARE or hold.is_chance:
         return
-    yield DataWarning(
-        "held_drive",
+    yield _KIND(
         f"no input changes from {instant(first, record.dt_s)} to {instant(last, record.dt_s)}, "
         f"{100.0 * share:.3g} % of the record, and {moves} times elsewhere: leave those rows out "
         f"({without(record, [(first, last)])}), or drive on",
@@ -141,3 +140,14 @@ def _active_windows(record: IoData) -> BoolArray:
         if total[-1] > 0.0:
             active[order[: 1 + np.searchsorted(total, _POWER * total[-1])]] = True
     return active
+
+
+_KIND = Kind(
+    "drive",
+    "Drive",
+    "nine tenths of the input's power in a tenth of the record, in fewer than 5 moves; no input "
+    "changes in a tenth of the record or more, where moves at random leave such a gap once in "
+    "10,000 records; or the drive ends at zero, as after a stop, for a twentieth or more",
+    "move five times or more; drive on, or leave those rows out (`--from`, `--to`)",
+)
+CHECKS = (Check(each_record(drive_defects), (_KIND,)),)

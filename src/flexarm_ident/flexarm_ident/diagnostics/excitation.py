@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.diagnostics.check import Check, each_record
+from flexarm_ident.records.data_warning import Grade, Kind
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share, hann_transforms
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
 
@@ -24,10 +26,9 @@ _EXCITED = 1e-4
 _PARTS = 16
 _EXCITED_SHARE = 0.8
 _LOWEST_EXCITED = 0.02
-_SHORT = 3.0
 _VALUES_A_PARAMETER = 5.0
 FEW_VALUES = "few_values"
-"""Name of the warning that a record has too few values to judge a model by."""
+"""Code of the warning that a record has too few values to judge a model by."""
 
 
 def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
@@ -70,8 +71,8 @@ def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
     return float(band[0]), float(band[-1]), float(excited.mean())
 
 
-def richness(gram: BlockGram, records: Sequence[IoData]) -> Iterator[DataWarning]:
-    """Yield what is wrong with the inputs' product matrix, and with the length of all records."""
+def richness(gram: BlockGram) -> Iterator[DataWarning]:
+    """Yield what is wrong with the inputs' product matrix."""
     rows = gram.input_rows(0, gram.block_rows)
     inputs = gram.matrix[np.ix_(rows, rows)]
     scale = np.sqrt(np.diag(inputs))
@@ -81,20 +82,10 @@ def richness(gram: BlockGram, records: Sequence[IoData]) -> Iterator[DataWarning
     # Inputs that act in stretches too short for the products alone leave all of them zero.
     condition = float(values[-1] / smallest) if smallest > 0.0 else np.inf
     if condition >= _SINGULAR_CONDITION:
-        yield DataWarning(
-            "input_condition",
+        yield _EXCITATION(
             f"the input excites few frequencies: U U' has the condition number {condition:.0e}, a "
             "pseudo-inverse was used and modes outside its band are not to be trusted",
             {"condition": condition},
-        )
-    needed = len(gram.matrix)
-    if gram.columns < _SHORT * needed:
-        samples = sum(len(record) for record in records)
-        yield DataWarning(
-            "too_short",
-            f"{samples} samples are few: {gram.columns} columns of Hankel matrices for {needed} "
-            f"rows, {_SHORT:.0f} times as many would be good; record longer or lower block_rows",
-            {"samples": float(samples), "columns": float(gram.columns), "rows": float(needed)},
         )
 
 
@@ -114,8 +105,7 @@ def few_values(records: Sequence[IoData], states: int) -> Iterator[DataWarning]:
     parameters = states * (inputs + outputs + len(records))
     samples = sum(int(record.usable.sum()) for record in records)
     if samples * outputs < _VALUES_A_PARAMETER * parameters:
-        yield DataWarning(
-            FEW_VALUES,
+        yield _FEW_VALUES(
             f"{samples} samples are few for order {states}: {samples * outputs} values of the "
             f"outputs for {parameters} parameters, {_VALUES_A_PARAMETER:.0f} times as many would "
             "be good; record longer or lower the order",
@@ -131,8 +121,7 @@ def excited_bands(record: IoData) -> Iterator[DataWarning]:
             continue
         low_hz, high_hz, share = excited_band_hz(u, record.dt_s)
         if share < _EXCITED_SHARE or low_hz > _LOWEST_EXCITED * nyquist_hz:
-            yield DataWarning(
-                "excitation_band",
+            yield _EXCITATION(
                 f"{name} has power between {low_hz:.3g} and {high_hz:.3g} Hz only, "
                 f"{100.0 * share:.3g} % of the frequencies up to {nyquist_hz:.4g} Hz: modes "
                 "outside are not to be trusted",
@@ -140,3 +129,24 @@ def excited_bands(record: IoData) -> Iterator[DataWarning]:
                 grade=Grade.INFORMATION,
                 channel=name,
             )
+
+
+_EXCITATION = Kind(
+    "excitation",
+    "Excitation",
+    "condition of U U' 1e12 or more; below 80 % of the frequencies within 40 dB, or none below 2"
+    " % of Nyquist, is information",
+    "a richer input, such as steps, or noise over all modes; trust no mode outside its band",
+)
+_FEW_VALUES = Kind(
+    FEW_VALUES,
+    "Number of values",
+    "fewer values of the outputs than five for each of the n (inputs + outputs + records) "
+    "parameters",
+    "record longer, or a lower order",
+)
+CHECKS = (
+    Check(lambda data: richness(data.gram), (_EXCITATION,)),
+    Check(each_record(excited_bands), (_EXCITATION,)),
+    Check(lambda data: few_values(data.records, data.order), (_FEW_VALUES,)),
+)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
+from flexarm_ident.diagnostics.check import Check, each_record
 from flexarm_ident.diagnostics.drive import moves_seldom
 from flexarm_ident.diagnostics.news import (
     MEMORY,
@@ -28,7 +29,7 @@ from flexarm_ident.diagnostics.news import (
     shifted,
 )
 from flexarm_ident.diagnostics.spectra import spectra
-from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.data_warning import Grade, Kind
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
 from flexarm_ident.subspace.feedback import SIGNIFICANCE, whitening
 
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
 
 _LAGS = 500
@@ -78,8 +80,7 @@ def answer_defects(record: IoData) -> Iterator[DataWarning]:
     """Yield the outputs without an answer or with a static one, and the inputs with a delay."""
     static = static_outputs(record)
     for name, gain_share in static.items():
-        yield DataWarning(
-            "static_gain",
+        yield _NO_ANSWER(
             f"{name} follows the inputs within the sample and has no dynamics "
             f"({100.0 * gain_share:.4g} % of its power): leave it out, or fit with feedthrough",
             {"share": gain_share},
@@ -148,8 +149,7 @@ def _delays(record: IoData, news: News) -> Iterator[DataWarning]:
         excess, scatter = np.sum(early - degrees), np.sqrt(2.0 * degrees * delay)
         if excess + _DEVIATIONS * scatter >= gradual:
             continue
-        yield DataWarning(
-            "delay",
+        yield _DELAY(
             f"no output answers {name} before {delay + 1} samples ({(delay + 1) * record.dt_s:.3g} "
             f"s): a delay of {delay} samples costs a state each; shift {name} by them, or find it",
             {"samples": float(delay), "delay_s": delay * record.dt_s, "evidence": evidence[delay]},
@@ -178,8 +178,7 @@ def _unanswered(record: IoData, news: News, static: dict[str, float]) -> Iterato
         if np.any(welch.coherence[:, i] > chance):
             continue
         name = record.outputs[i]
-        yield DataWarning(
-            "no_answer",
+        yield _NO_ANSWER(
             f"{name} shows no answer to any input in {len(record)} samples, only noise: check the "
             "sensor and its wiring, or leave it out",
             {"samples": float(len(record)), "explained": float(welch.explained[i])},
@@ -238,3 +237,19 @@ def _without_extremes(y: FloatArray) -> FloatArray:
     low, middle, high = np.nanquantile(y, (0.16, 0.5, 0.84), axis=0)
     reach = np.where(high > low, _REACH * (high - low), np.inf)
     return np.clip(y, middle - reach, middle + reach)
+
+
+_NO_ANSWER = Kind(
+    "no_answer",
+    "Output without an answer",
+    "no input shows in an output (no correlation, no coherence, p > 0.01 each): do not use it; the "
+    "input of the same row tells half of an output or more, and the past of both nothing more",
+    "check the sensor, or leave it out; fit with `feedthrough`",
+)
+_DELAY = Kind(
+    "delay",
+    "Delay",
+    "inputs reach no output before 4 samples or more, p < 1e-6",
+    "shift the input, or find the delay",
+)
+CHECKS = (Check(each_record(answer_defects), (_NO_ANSWER, _DELAY)),)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
-from flexarm_ident.records.iodata import Grade
+from flexarm_ident.records.data_warning import Grade
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from flexarm_ident.records.iodata import DataWarning
+    from flexarm_ident.records.data_warning import DataWarning
 
 
 def graded(warnings: Iterable[DataWarning], others: Iterable[tuple[Grade, str]]) -> tuple[str, ...]:
@@ -18,9 +18,9 @@ def graded(warnings: Iterable[DataWarning], others: Iterable[tuple[Grade, str]])
 
     Of a warning about the same channel of several records, that of the first one stands for all.
     """
-    alike: dict[tuple[str, str], list[DataWarning]] = {}
+    alike: dict[tuple[str, str, str], list[DataWarning]] = {}
     for warning in warnings:
-        alike.setdefault((warning.name, warning.channel), []).append(warning)
+        alike.setdefault((warning.code, warning.channel, warning.grade), []).append(warning)
     lines = [line for group in alike.values() for line in _lines(group)]
     lines += list(others)
     grades = list(Grade)

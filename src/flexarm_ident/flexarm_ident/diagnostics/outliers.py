@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import counted, instant
-from flexarm_ident.records.iodata import DataWarning
+from flexarm_ident.diagnostics.check import Check, each_record
+from flexarm_ident.records.data_warning import Kind
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
 
 # A jump there and back, in medians of the step from sample to sample. In normal noise a sample is
@@ -57,8 +59,7 @@ def _told(
     usual = np.delete(x, rows)
     sizes = np.abs(x[rows] - 0.5 * (x[rows - 1] + x[rows + 1])) / usual.std()
     largest = float(sizes.max())
-    yield DataWarning(
-        "outliers",
+    yield _KIND(
         f"{name} has {counted(len(rows), 'outlier')}, the largest {largest:.3g} deviations at "
         f"{instant(int(rows[np.argmax(sizes)]), record.dt_s)}: fill them from their "
         "neighbours, or set them to NaN for missing (empty the cells of a CSV file), "
@@ -130,3 +131,13 @@ def _answered(record: IoData) -> BoolArray:
     for lag in range(first, _ANSWER + 1):
         answered[lag:] |= caused[: len(caused) - lag]
     return answered
+
+
+_KIND = Kind(
+    "outliers",
+    "Outliers",
+    "a sample jumps off both neighbours by 15 usual steps and a deviation, alone, and no step of"
+    " an input explains it; in an input by 10 deviations, and no output answers",
+    "set it to NaN, or empty its cell in the CSV file",
+)
+CHECKS = (Check(each_record(outliers), (_KIND,)),)

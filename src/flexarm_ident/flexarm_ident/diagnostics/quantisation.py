@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.records.iodata import DataWarning
+from flexarm_ident.diagnostics.check import Check, each_record
+from flexarm_ident.records.data_warning import Kind
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
 
 _LOOK = 8192
@@ -35,8 +37,7 @@ def quantisation(record: IoData) -> Iterator[DataWarning]:
         step, levels = _step(y)
         error = step / np.sqrt(12.0) / float(y.std())
         if error > _LARGEST_ERROR:
-            yield DataWarning(
-                "quantisation",
+            yield _KIND(
                 f"{name} moves in steps of {step:.3g}, over {levels} levels: the rounding alone is "
                 f"{100.0 * error:.2g} % of its deviation; amplify the signal, or convert it finer",
                 {"step": step, "levels": float(levels), "error": error},
@@ -55,3 +56,12 @@ def _step(y: FloatArray) -> tuple[float, int]:
     off = (levels - levels[0]) / step
     on_grid = np.abs(off - np.rint(off)) < _OFF_GRID
     return (step, len(levels)) if on_grid.mean() > _ON_GRID else (0.0, len(levels))
+
+
+_KIND = Kind(
+    "quantisation",
+    "Quantisation",
+    "rounding to the levels alone, q / sqrt(12), is a tenth of the deviation",
+    "amplify the signal, or convert it finer",
+)
+CHECKS = (Check(each_record(quantisation), (_KIND,)),)

@@ -10,7 +10,6 @@ import numpy as np
 
 from flexarm_core.errors import DataError, IdentificationError
 from flexarm_core.labels import label_and_unit
-from flexarm_ident.diagnostics.excitation import few_values
 from flexarm_ident.diagnostics.notes import graded
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.diagnostics.stabilisation import (
@@ -30,7 +29,7 @@ from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.mode_table import mode_table
 from flexarm_ident.models.modes import frequency_grid, ranked_modes
-from flexarm_ident.records.iodata import Grade
+from flexarm_ident.records.data_warning import Grade
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.methods import METHODS, Data
 from flexarm_ident.subspace.order import candidate_orders, stable_orders, suggest_order
@@ -51,7 +50,8 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.levels import CoulombEstimate
     from flexarm_ident.likelihood.maximum_likelihood import LikelihoodFit
     from flexarm_ident.models.modes import Mode, ModeUncertainty
-    from flexarm_ident.records.iodata import DataWarning, IoData
+    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.subspace_protocol import StateMatrices, Subspace
 
@@ -179,9 +179,9 @@ class Identification:
     @cached_property
     @one_thread()
     def data_warnings(self) -> tuple[DataWarning, ...]:
-        """Defects of the records, each with its name and figures."""
-        found = assess(self.records, self.gram, feedthrough=bool(np.any(self.model.D)))
-        return (*found, *few_values(self.records, self.order))
+        """Defects of the records, each with its code and figures."""
+        feedthrough = bool(np.any(self.model.D))
+        return assess(self.records, self.gram, feedthrough=feedthrough, order=self.order)
 
     @property
     def warnings(self) -> tuple[str, ...]:

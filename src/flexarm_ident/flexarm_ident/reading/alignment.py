@@ -15,7 +15,8 @@ from flexarm_core.labels import without_dots
 from flexarm_ident.reading.stream import Header
 from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_rows, timetable
 from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
-from flexarm_ident.records.iodata import ARM_OUTPUTS, DataWarning, Grade, IoData
+from flexarm_ident.records.data_warning import SAMPLING
+from flexarm_ident.records.iodata import ARM_OUTPUTS, IoData
 from flexarm_ident.records.source import joined
 from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
 from flexarm_ident.subspace.loop_test import judged_loop
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from flexarm_bags.reader import Channels, Recorded
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.reading.wraps import Wrap
+    from flexarm_ident.records.data_warning import DataWarning
 
     Rows: TypeAlias = tuple[FloatArray, FloatArray]
     Pieces: TypeAlias = Callable[[], Iterable[Recorded]]
@@ -155,11 +157,10 @@ class Alignment:
             data = header.record(u, y, input_held=missing if missing.any() else None)
             return BagReading(data, len(samples), lost, duration_s)
         followed: FloatArray | None = None
-        odd: tuple[DataWarning, ...] = ()
         if reference is not None and len(reference):
             log_times_ns = samples.log_times_ns[self.table.run.messages][self.table.grid.kept]
-            followed, odd = _references(reference, self.table, log_times_ns)
-        notices = (*header.notices, *odd, *told)
+            followed = _references(reference, self.table, log_times_ns)
+        notices = (*header.notices, *told)
         data = header.record(
             u[:, :1], y, compensation=u[:, 1:], reference=followed, notices=notices
         )
@@ -252,8 +253,6 @@ def _io_header(
     """Return the facts of a record, with the declared rate where it is that of the stamps."""
     dt_s, notices = table.grid.period_s, list(table.notices)
     if channels is None:
-        text = "no ChannelInfo was recorded: names and kind of loop are unknown"
-        notices.append(DataWarning("unknown_channels", text, {}, grade=Grade.INFORMATION))
         inputs, outputs = (
             tuple(f"{kind}_{index + 1}" for index in range(width))
             for kind, width in zip(("input", "output"), widths, strict=True)
@@ -266,7 +265,7 @@ def _io_header(
                 " stamps"
             )
             figures = {"declared_hz": channels.rate_hz, "stamped_hz": 1 / dt_s}
-            notices.append(DataWarning("other_rate", text, figures))
+            notices.append(SAMPLING(text, figures))
         else:
             dt_s = 1 / channels.rate_hz
     label = f"{source} ({channels.source})" if channels.source else source
@@ -328,18 +327,11 @@ def _duration_s(stamps_ns: NDArray[np.int64]) -> float:
 
 def _references(
     reference: Recorded, table: Timetable, log_times_ns: NDArray[np.int64]
-) -> tuple[FloatArray, tuple[DataWarning, ...]]:
-    """Return the last reference sent before the sample that follows, per row."""
+) -> FloatArray:
+    """Return the last reference sent before the sample that follows, per row, or the first one."""
     start_ns = log_times_ns[0]
     next_ns = np.interp(np.arange(1, table.rows + 1), table.grid.instants, log_times_ns - start_ns)
     order = np.argsort(reference.log_times_ns, kind="stable")
     sent_ns = (reference.log_times_ns[order] - start_ns).astype(np.float64)
     latest = np.searchsorted(sent_ns, next_ns, side="left") - 1
-    unknown = int(np.count_nonzero(latest < 0))
-    values = reference.real("data")[order][np.maximum(latest, 0)]
-    if unknown:
-        text = f"no reference before row {unknown}: took the first one for the rows before"
-        figures = {"rows": float(unknown)}
-        late = DataWarning("late_reference", text, figures, grade=Grade.INFORMATION)
-        return values, (late,)
-    return values, ()
+    return np.asarray(reference.real("data")[order][np.maximum(latest, 0)])

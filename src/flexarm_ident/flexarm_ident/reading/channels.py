@@ -15,7 +15,8 @@ from flexarm_ident.reading.sampling import JITTER_TOLERANCE, Run
 from flexarm_ident.reading.sampling import notices as sampling_notices
 from flexarm_ident.reading.tracks import NS, Evened, advances, evened, lost_messages, track
 from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
-from flexarm_ident.records.iodata import DataWarning, Grade, IoData
+from flexarm_ident.records.data_warning import LOST_SAMPLES, PARTIAL_RECORD, SAMPLING, Grade
+from flexarm_ident.records.iodata import IoData
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from flexarm_ident.reading.offsets import Offset
     from flexarm_ident.reading.tracks import Track
     from flexarm_ident.reading.wraps import Wrap
+    from flexarm_ident.records.data_warning import DataWarning
 
     Integers = NDArray[np.int64]
     Messages = Mapping[str, Grouped]
@@ -36,11 +38,6 @@ if TYPE_CHECKING:
 HEADER, RECEIVE = "header", "receive"
 CLOCKS = (HEADER, RECEIVE)
 _SECONDS, _NANOSECONDS = "header.stamp.sec", "header.stamp.nanosec"
-# Clocks of two machines that agree so well, and a difference of so many deviations, are no matter.
-_SAME_PACE, _SURE = 5e-5, 10.0
-# Times of a simulation pass at any pace.
-_SIMULATED = 0.02
-_FEWEST_STAMPS = 100
 # A signal whose steps are longer, in periods, is slow.
 _SLOW = 1.5
 # A record that is shorter than its longest signal by this part is worth a word.
@@ -121,8 +118,6 @@ def selected(bag: Bag, chosen: Selection, wrap: float | None = None) -> IoData:
             raise wrong_topic(bag, field)
     messages = {topic: bag.grouped(topic) for topic in {each.topic: None for each in fields}}
     clock, said = _clock(bag, messages, chosen.clock)
-    if clock == HEADER:
-        said += _off_pace(messages)
     said += _no_numbers(chosen.inputs, messages)
     sent = evened if clock == RECEIVE else Evened
     driven, measured = (
@@ -167,35 +162,7 @@ def _clock(bag: Bag, messages: Messages, asked: str | None) -> tuple[str, list[D
         f"instants are those of receiving, as {lacking[0]} has no header stamps that advance: "
         "delays on the way to the recorder count as the rig's"
     )
-    return RECEIVE, [DataWarning("receive_clock", text, {}, grade=Grade.INFORMATION)]
-
-
-def _off_pace(messages: Messages) -> Iterator[DataWarning]:
-    """Yield the topics whose header clock does not pass as that of the recorder does.
-
-    One that is far off is the time of a simulation.
-    """
-    for topic, found in messages.items():
-        stamps_ns = _stamps_ns(found)
-        if stamps_ns is None or len(stamps_ns) < _FEWEST_STAMPS:
-            continue
-        received_s, stamped_s = (
-            (each - each[0]) / NS for each in (found.log_times_ns, np.asarray(stamps_ns))
-        )
-        around = received_s - received_s.mean()
-        power = float(around @ around)
-        if not power > 0.0:
-            continue
-        pace = float(around @ stamped_s) / power
-        late_s = stamped_s - stamped_s.mean() - pace * around
-        deviation = float(np.std(late_s)) / np.sqrt(power)
-        if max(_SAME_PACE, _SURE * deviation) < abs(pace - 1.0) < _SIMULATED:
-            text = (
-                f"{topic}: its header stamps pass {abs(1e6 * (pace - 1.0)):.0f} ppm "
-                f"{'faster' if pace > 1.0 else 'slower'} than the recorder's clock, and so do all "
-                f"frequencies: if that clock is wrong, take the other one (--clock {RECEIVE})"
-            )
-            yield DataWarning("header_pace", text, {"pace": pace})
+    return RECEIVE, [SAMPLING(text, grade=Grade.INFORMATION)]
 
 
 def _no_numbers(inputs: Sequence[Field], messages: Messages) -> Iterator[DataWarning]:
@@ -208,7 +175,7 @@ def _no_numbers(inputs: Sequence[Field], messages: Messages) -> Iterator[DataWar
                 f"{unknown} of {len(values)} values of {field} are no numbers: the value before "
                 "counts until the next one, and the drive may have had another"
             )
-            yield DataWarning("no_numbers", text, {"values": float(unknown)})
+            yield LOST_SAMPLES(text, {"values": float(unknown)})
 
 
 def _stamps_ns(found: Grouped) -> Integers | None:
@@ -249,7 +216,7 @@ def _jitter(signals: Sequence[Evened]) -> Iterator[DataWarning]:
         f"{jitter_s / period_s:.2f} of its periods: it counts as sent evenly"
     )
     figures = {"deviation_s": jitter_s}
-    yield DataWarning("arrival_jitter", text, figures, grade=Grade.INFORMATION)
+    yield SAMPLING(text, figures, grade=Grade.INFORMATION)
 
 
 def _early(offset: Offset) -> DataWarning:
@@ -258,7 +225,7 @@ def _early(offset: Offset) -> DataWarning:
         "no more than delays differ, and these refute that it acts before: it counts from them on"
     )
     figures = {"early_s": offset.early_s}
-    return DataWarning("early_commands", text, figures, grade=Grade.INFORMATION)
+    return SAMPLING(text, figures, grade=Grade.INFORMATION)
 
 
 def _restarted(signals: Sequence[Track]) -> Iterator[DataWarning]:
@@ -268,7 +235,7 @@ def _restarted(signals: Sequence[Track]) -> Iterator[DataWarning]:
                 f"the clock of {signal.label} begins anew at {counted(signal.restarts, 'place')}: "
                 f"used the longest run, {len(signal.values)} messages"
             )
-            yield DataWarning("restarted", text, {"places": float(signal.restarts)})
+            yield PARTIAL_RECORD(text, {"places": float(signal.restarts)})
 
 
 def _lost_of(signal: Track) -> int:
@@ -292,7 +259,7 @@ def _lost(inputs: Sequence[Track]) -> Iterator[DataWarning]:
                 f"{counted(lost, 'message')} of {signal.label} did not reach the recorder: what "
                 "they did to the outputs counts as noise"
             )
-            yield DataWarning("lost_inputs", text, {"lost": float(lost)})
+            yield LOST_SAMPLES(text, {"lost": float(lost)})
 
 
 def _findings(found: CommonRows, read_off: Sequence[Track]) -> Iterator[DataWarning]:
@@ -307,10 +274,10 @@ def _findings(found: CommonRows, read_off: Sequence[Track]) -> Iterator[DataWarn
             "above half its own rate a signal tells nothing"
         )
         slowest_hz = 1.0 / max(signal.period_s for signal in slow)
-        yield DataWarning("slow_channel", text, {"slowest_hz": slowest_hz})
+        yield SAMPLING(text, {"slowest_hz": slowest_hz})
     cut = 1.0 - len(found.rows) / grid.rows
     if cut > _CUT:
         used_s, all_s = (grid.period_s * rows for rows in (len(found.rows), grid.rows))
         text = f"{used_s:.1f} s of {all_s:.1f} s are used, those in which every channel was there"
         figures = {"used_s": used_s, "recorded_s": all_s}
-        yield DataWarning("partial_overlap", text, figures, grade=Grade.INFORMATION)
+        yield PARTIAL_RECORD(text, figures, grade=Grade.INFORMATION)

@@ -9,13 +9,14 @@ import numpy as np
 
 from flexarm_core.labels import counted, instant
 from flexarm_ident.reading.grid import LATEST
+from flexarm_ident.records.data_warning import LOST_SAMPLES, PARTIAL_RECORD, SAMPLING
 from flexarm_ident.records.holes import holes_told
-from flexarm_ident.records.iodata import DataWarning
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_ident.reading.grid import Grid
+    from flexarm_ident.records.data_warning import DataWarning
 
 # Instants that scatter by this part of the period, RMS, matter to a model of even ones.
 JITTER_TOLERANCE = 0.1
@@ -46,7 +47,7 @@ def longest_run(sequence: NDArray[np.int64]) -> Run:
 
 
 def notices(run: Run, grid: Grid, messages: int) -> tuple[DataWarning, ...]:
-    """Return ``restarted``, ``lost_samples`` and ``clock_jitter``, each where it applies.
+    """Return what is told of restarts, holes and late samples, each where it applies.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ def _restarted(run: Run, messages: int) -> tuple[DataWarning, ...]:
         "last": float(last),
         "messages": float(messages),
     }
-    return (DataWarning("restarted", text, figures),)
+    return (PARTIAL_RECORD(text, figures),)
 
 
 def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
@@ -85,7 +86,7 @@ def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
         text += (
             f"; a pause of {pause_s:.6g} s counts as one of {grid.samples * grid.period_s:.6g} s"
         )
-    return (DataWarning("lost_samples", text, figures),)
+    return (LOST_SAMPLES(text, figures),)
 
 
 def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:
@@ -111,4 +112,4 @@ def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:
         "period_s": grid.period_s,
         "deviation_s": grid.period_s * deviation,
     }
-    return (DataWarning("clock_jitter", text, figures),)
+    return (SAMPLING(text, figures),)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.records.iodata import DataWarning
+    from flexarm_ident.records.data_warning import DataWarning
 
     Rows = tuple[FloatArray, FloatArray]
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.reading.grid import Grid
     from flexarm_ident.reading.sampling import Run
-    from flexarm_ident.records.iodata import DataWarning
+    from flexarm_ident.records.data_warning import DataWarning
 
     Integers = NDArray[np.int64]
     Rows = tuple[FloatArray, FloatArray]

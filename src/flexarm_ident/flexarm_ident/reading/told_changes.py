@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm_bags.reader import LAW_IN_FORCE, sibling
 from flexarm_core.labels import instant
-from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.data_warning import PLANT_CHANGED, Grade
 from flexarm_ident.records.span import part_options
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from flexarm_bags.reader import Bag, Recorded
     from flexarm_ident.reading.timetable import Timetable
+    from flexarm_ident.records.data_warning import DataWarning
 
 PARAMETER_EVENT = "rcl_interfaces/msg/ParameterEvent"
 _EVENTS = "/parameter_events"
@@ -29,7 +30,7 @@ _NS = 1_000_000_000
 def told_changes(
     bag: Bag, topic: str, samples: Recorded, table: Timetable
 ) -> tuple[DataWarning, ...]:
-    """Return the warnings of a bag of our own rig, of the kinds that `diagnostics.change` has.
+    """Return the warnings of a bag of our own rig, of the kind that `diagnostics.change` has.
 
     Each has the instant of its change, ``at_s``, seconds from the first row on.
 
@@ -55,11 +56,11 @@ def told_changes(
             f"the payload was changed {text} at {instant(row, period_s)}: a model of both sides "
             f"mixes two arms; identify the parts separately ({before}, {after})"
         )
-        found.append(DataWarning("plant_changed", said, {"at_s": cut_s}))
+        found.append(PLANT_CHANGED(said, {"at_s": cut_s}))
     for row, text in places.inside(_laws(bag, topic), places.stamps_ns):
         said = f"the law was changed {text} at {instant(row, period_s)}"
         figures = {"at_s": row * period_s}
-        found.append(DataWarning("law_changed", said, figures, grade=Grade.INFORMATION))
+        found.append(PLANT_CHANGED(said, figures, grade=Grade.INFORMATION))
     return tuple(found)
 
 

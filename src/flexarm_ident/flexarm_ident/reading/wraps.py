@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_core.labels import counted
-from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.data_warning import CONVERTED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
 
     Rows = tuple[FloatArray, FloatArray]
 
@@ -93,12 +94,10 @@ def wrap_notices(names: Sequence[str], wraps: Sequence[Wrap]) -> Iterator[DataWa
     # Names that do not fit the channels are refused elsewhere.
     for name, wrap in zip(names, wraps, strict=False):
         if wrap.period:
-            yield DataWarning(
-                "wrapped_angle",
+            yield CONVERTED(
                 f"{name} wraps at {wrap.period:.6g}, {counted(wrap.jumps, 'time')}: its turns are "
                 "counted; if its jumps are real, say --wrap 0",
                 {"period": wrap.period, "jumps": float(wrap.jumps)},
-                grade=Grade.INFORMATION,
                 channel=name,
             )
 

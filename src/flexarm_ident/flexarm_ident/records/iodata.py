@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, replace
-from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -20,56 +19,14 @@ from flexarm_core.showing.traces import Panel, plot_traces
 from flexarm_ident.records.holes import filled, unusable_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
 
 ARM_OUTPUTS = CHANNEL_NAMES
-
-
-class Grade(str, Enum):
-    """Weight of a note, the heaviest first."""
-
-    DO_NOT_USE = "do not use"
-    CAUTION = "caution"
-    INFORMATION = "information"
-
-    # `StrEnum` came with Python 3.11.
-    __str__ = str.__str__
-
-
-@dataclass(frozen=True)
-class DataWarning:
-    """Fact that matters before a model is trusted.
-
-    Attributes
-    ----------
-    name : str
-        Kind of the warning, the same for all data: ``saturation``.
-    text : str
-        One sentence with extent and remedy.
-    figures : mapping of str to float
-        The figures in the text.
-    grade : Grade
-        Its weight.
-    record : str
-        Short name of the record; empty for what concerns all records together.
-    channel : str
-        Name of the channel; empty for what concerns the whole record.
-    """
-
-    name: str
-    text: str
-    figures: Mapping[str, float]
-    _: KW_ONLY
-    grade: Grade = Grade.CAUTION
-    record: str = ""
-    channel: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.record}: {self.text}" if self.record else self.text
 
 
 @dataclass(frozen=True, eq=False, repr=False)

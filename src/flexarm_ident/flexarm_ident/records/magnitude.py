@@ -9,12 +9,13 @@ import numpy as np
 
 from flexarm_core.arrays import column_range
 from flexarm_core.errors import DataError
-from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.data_warning import CONVERTED, Grade
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
 
 # Fourth powers occur, and ratios of outputs to inputs.
@@ -79,8 +80,7 @@ def _times(values: FloatArray, exponents: Any) -> FloatArray:  # noqa: ANN401 - 
 
 
 def _notice(name: str, exponent: int) -> DataWarning:
-    return DataWarning(
-        "unit",
+    return CONVERTED(
         f"{name} was multiplied by 1e{exponent:+d} to compute with it: the model has that unit",
         {"exponent": float(exponent)},
         grade=Grade.CAUTION,

@@ -10,7 +10,8 @@ import scipy
 
 from flexarm_core.arrays import column_range
 from flexarm_core.errors import DataError
-from flexarm_ident.records.iodata import DataWarning, Grade, as_records
+from flexarm_ident.records.data_warning import CONVERTED
+from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.magnitude import in_range
 
 if TYPE_CHECKING:
@@ -186,11 +187,9 @@ def _without_offsets(data: IoData) -> IoData:
         return data
     told = zip((*data.inputs, *data.outputs), (*inputs, *outputs * ~is_constant), strict=True)
     notices = [
-        DataWarning(
-            "offset",
+        CONVERTED(
             f"{name} had an offset of {offset:.6g}, which was removed",
             {"offset": float(offset)},
-            grade=Grade.INFORMATION,
             channel=name,
         )
         for name, offset in told

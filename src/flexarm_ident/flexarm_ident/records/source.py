@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.records.iodata import DataWarning, IoData
+    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.records.iodata import IoData
 
 
 class Samples(Protocol):

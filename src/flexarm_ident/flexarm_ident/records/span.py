@@ -11,7 +11,7 @@ import numpy as np
 
 from flexarm_core.errors import DataError
 from flexarm_core.labels import instant
-from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.data_warning import PARTIAL_RECORD, Grade
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -135,8 +135,7 @@ def measured(record: IoData) -> IoData:
     first, channel = int(begins.max()), int(begins.argmax())
     if first == 0:
         return record
-    late = DataWarning(
-        "late_sensor",
+    late = PARTIAL_RECORD(
         f"{record.outputs[channel]} was not measured before {instant(first, record.dt_s)}: the "
         "record is used from there on",
         {"first_row": float(first), "rows": float(len(record))},

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 
 from flexarm_core.arrays import runs
 from flexarm_core.labels import counted
+from flexarm_ident.records.data_warning import LOST_SAMPLES, Grade
 from flexarm_ident.records.holes import LONGEST_FILLED
-from flexarm_ident.records.iodata import DataWarning, Grade
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
 
     Span = tuple[int, int]
@@ -85,8 +86,7 @@ def _notice(record: IoData, holes: Sequence[Span]) -> DataWarning:
     longest = max(holes, key=lambda each: each[1] - each[0])
     length_s = (longest[1] - longest[0]) * record.dt_s
     begins_s = record.begins_s + longest[0] * record.dt_s
-    return DataWarning(
-        "unknown_input",
+    return LOST_SAMPLES(
         f"the input is not known in {counted(len(holes), 'long hole')}, the longest of "
         f"{length_s:.3g} s at {begins_s:.4g} s: the parts between are records of "
         "their own, each with its initial state",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from flexarm_core.labels import counted
 from flexarm_ident.estimation.physical_modes import HEARD, NOISE, PHYSICAL, SPLIT, standing_of
 from flexarm_ident.fitting.validation import mean_error
-from flexarm_ident.records.iodata import Grade
+from flexarm_ident.records.data_warning import Grade
 from flexarm_ident.report.content.wording import listed, percent, shortened
 
 if TYPE_CHECKING:

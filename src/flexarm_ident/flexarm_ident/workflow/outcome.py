@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_ident.diagnostics.closed_loop import FEEDBACK
 from flexarm_ident.diagnostics.excitation import FEW_VALUES
 from flexarm_ident.diagnostics.instability import is_unstable
+from flexarm_ident.diagnostics.quality import kinds
 from flexarm_ident.diagnostics.spectra import spectra
 from flexarm_ident.diagnostics.verdict import missed_shares, verdict
 from flexarm_ident.fitting.residuals import residual_correlations
 from flexarm_ident.fitting.validation import about_mean, fit_percent, relative_errors
-from flexarm_ident.records.iodata import Grade
+from flexarm_ident.records.data_warning import Grade
 
 if TYPE_CHECKING:
     import control
@@ -31,9 +33,6 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.reduction.modal import Reduction
     from flexarm_ident.workflow.request import Request
-
-# A loop is no defect that could be mended.
-_LOOP = "feedback"
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,16 +100,17 @@ class Outcome:
         """Verdict on `model`: good, usable, poor or useless, its two figures and the next step."""
         unseen = self._unseen_errors()
         defects = [
-            warning.name
+            warning.code
             for warning in self.identification.data_warnings
-            if warning.grade != Grade.INFORMATION and warning.name != _LOOP
+            # A loop is no defect that could be mended.
+            if warning.grade != Grade.INFORMATION and warning.code != FEEDBACK
         ]
         return verdict(
             self.dmv_errors if unseen is None else unseen,
             missed_shares(self.records, [each.y for each in self.dmv]),
             self.records[0].outputs,
             unseen=unseen is not None,
-            defects=[name.replace("_", " ") for name in defects],
+            defects=[kinds()[code].title.lower() for code in defects],
             few_values=FEW_VALUES in defects,
             unstable=self._made_stable(),
         )

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from flexarm_ident.diagnostics.notes import graded
-from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.data_warning import DataWarning, Grade
 
 
 def offset(record: str, channel: str = "strain") -> DataWarning:

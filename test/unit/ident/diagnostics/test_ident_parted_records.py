@@ -37,7 +37,7 @@ def test_assess___signal_that_wanders___offset_is_that_of_the_whole_record(
 ) -> None:
     parts = known_parts(wandering(offset))
     assert len(parts) > 5
-    found = [each for each in assess(parts, block_gram(parts, 10)) if each.name == "offset"]
+    found = [each for each in assess(parts, block_gram(parts, 10)) if each.code == "offset"]
     assert [each.record for each in found] == ["run"] * named
     for each in found:
         assert each.figures["mean"] == pytest.approx(offset, abs=0.3)
@@ -46,7 +46,7 @@ def test_assess___signal_that_wanders___offset_is_that_of_the_whole_record(
 def test_assess___records_of_their_own___each_is_judged_for_its_offset() -> None:
     first, second = wandering(0.0), replace(wandering(100.0), source="other")
     found = assess([first, second], block_gram([first, second], 10))
-    assert [each.record for each in found if each.name == "offset"] == ["other"]
+    assert [each.record for each in found if each.code == "offset"] == ["other"]
 
 
 def test_assess___drive_held_but_in_a_short_stretch___is_told_without_a_warning_of_numpy() -> None:
@@ -57,5 +57,5 @@ def test_assess___drive_held_but_in_a_short_stretch___is_told_without_a_warning_
     held = replace(data, u=u, y=y)
     with python_warnings.catch_warnings():
         python_warnings.simplefilter("error")
-        found = {each.name: each for each in assess([held], block_gram([held], 20))}
-    assert found["input_condition"].figures["condition"] == np.inf
+        found = {each.code: each for each in assess([held], block_gram([held], 20))}
+    assert found["excitation"].figures["condition"] == np.inf

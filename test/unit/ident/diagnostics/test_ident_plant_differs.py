@@ -52,7 +52,7 @@ def test_plant_differs___other_offset_of_a_sensor___is_no_other_plant(offset: fl
 
 def test_plant_differs___records_without_names___are_told_apart() -> None:
     records = [replace(loaded(seed, factor), source="") for seed, factor in ((0, 1.0), (1, 0.8))]
-    assert [each.name for each in differences(records)] == ["plant_differs"]
+    assert [each.code for each in differences(records)] == ["plant_changed"]
 
 
 @pytest.mark.parametrize("samples", [2000, SAMPLES])

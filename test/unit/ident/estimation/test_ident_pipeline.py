@@ -179,7 +179,7 @@ def test_identify___offset_and_saturation___are_reported_by_channel() -> None:
     limit = 0.5 * np.abs(y[:, 3]).max()
     y[:, 3] = y[:, 3].clip(-limit, limit)
     found = identify(replace(data, y=y, source="run 7"), order=9, method="orse")
-    names = {(warning.name, warning.channel) for warning in found.data_warnings}
+    names = {(warning.code, warning.channel) for warning in found.data_warnings}
     assert {("offset", "middle_strain_v"), ("saturation", "speed_v")} <= names
     assert all(f"{each.grade}: {each}" in found.warnings for each in found.data_warnings)
 

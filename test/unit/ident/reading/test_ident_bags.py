@@ -95,7 +95,7 @@ def test_read___reference___is_the_last_one_sent_before_the_next_sample(tmp_path
     assert data.reference.tolist() == [1.0, 1.0, 2.0, 3.0]
 
 
-def test_read___reference_only_later___takes_it_before_too_and_warns(tmp_path: Path) -> None:
+def test_read___reference_only_later___takes_it_before_too(tmp_path: Path) -> None:
     states = open_loop([1, 2, 3, 4, 5])
     bag = write_bag(tmp_path / "run", [*states, reference(states[2].time_ns + 1, 2.0)])
 
@@ -103,9 +103,6 @@ def test_read___reference_only_later___takes_it_before_too_and_warns(tmp_path: P
 
     assert reading.data.reference is not None
     assert reading.data.reference.tolist() == [2.0] * 4
-    assert reading.warnings == (
-        "no reference before row 2: took the first one for the rows before",
-    )
 
 
 @pytest.mark.parametrize(
@@ -300,7 +297,7 @@ def test_read___other_rig_without_channel_info___numbers_the_channels_and_warns(
     assert reading.data.inputs == ("input_1",)
     assert reading.data.outputs == ("output_1", "output_2")
     assert reading.data.closed_loop is None
-    assert reading.warnings == ("no ChannelInfo was recorded: names and kind of loop are unknown",)
+    assert reading.warnings == ()
 
 
 def test_read___channel_info_with_another_rate___believes_the_stamps(tmp_path: Path) -> None:

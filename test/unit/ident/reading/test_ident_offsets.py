@@ -71,7 +71,7 @@ def test_rows___outputs_delayed_more_than_commands___have_their_own_commands(
     own = np.repeat(commands, 2)
     np.testing.assert_array_equal(data.u[-len(own) + 5 :, 0], own[5:])
     assert judged_loop(data) is False
-    note = next(each for each in data.notices if each.name == "early_commands")
+    note = next(each for each in data.notices if "early_s" in each.figures)
     assert note.figures["early_s"] == pytest.approx(STATE_DELAY_S - COMMAND_DELAY_S, abs=1e-4)
     assert note.text.startswith("/command.data was received 0.")
 

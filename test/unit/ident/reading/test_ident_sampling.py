@@ -25,7 +25,7 @@ def test_notices___even_record___says_nothing() -> None:
 
 def test_notices___restarts___tell_which_messages_are_used() -> None:
     (found,) = notices(Run(slice(3, 48), 2), grid(list(range(5, 50))), 60)
-    assert found.name == "restarted"
+    assert found.code == "partial_record"
     assert found.figures == {"places": 2.0, "first": 3.0, "last": 47.0, "messages": 60.0}
     assert "used messages 3 to 47 of 60" in found.text
 
@@ -33,7 +33,7 @@ def test_notices___restarts___tell_which_messages_are_used() -> None:
 def test_notices___short_and_long_holes___are_told_apart() -> None:
     sequence = [k for k in range(100) if k not in {10, 11, 40, *range(60, 67)}]
     (found,) = notices(Run(slice(0, 90), 0), grid(sequence), 90)
-    assert found.name == "lost_samples"
+    assert found.code == "lost_samples"
     assert found.figures == {
         "missing": 10.0,
         "rows": 100.0,
@@ -48,7 +48,7 @@ def test_notices___jittering_clock___is_named_with_its_deviation() -> None:
     off_s = np.random.default_rng(1).normal(0.0, 4e-4, 3000)
     stamps_ns = np.arange(3000) * PERIOD_NS + np.rint(off_s * 1e9).astype(np.int64)
     (found,) = notices(Run(slice(0, 3000), 0), place(np.arange(3000), stamps_ns), 3000)
-    assert found.name == "clock_jitter"
+    assert found.code == "sampling"
     # What is nearly on time passes for on time.
     counted = np.where(np.abs(off_s) > 0.1 / 300.0, off_s, 0.0)
     assert found.figures["deviation_s"] == pytest.approx(np.sqrt(np.mean(counted**2)), rel=0.05)

@@ -21,7 +21,7 @@ def test_stalled_demo___defaults___give_the_modes_of_the_arm() -> None:
     reading = read_bag_report(BAG)
     # 12854 instants of the period from the first to the last stamp, 12000 samples.
     assert reading.lost == 854
-    assert {notice.name for notice in reading.data.notices} == {"lost_samples", "clock_jitter"}
+    assert {notice.code for notice in reading.data.notices} == {"lost_samples", "sampling"}
     record = preprocess(reading.data)
     found = identify(record.head(len(record) // 2), method="auto")
     modes_hz = np.array([mode.frequency_hz for mode in found.modes if mode.is_pair])

@@ -95,7 +95,7 @@ def record(path: Path, *told: Sent, samples: int = SAMPLES) -> IoData:
 
 def warnings(*records: IoData) -> list[tuple[str, str]]:
     found = assess(records, block_gram(records, 4))
-    return [(each.name, each.text) for each in found if each.name.endswith("_changed")]
+    return [(each.code, each.text) for each in found if each.code == "plant_changed"]
 
 
 def payload(words: str, row: int, *, after: int = 0, before: int = 0) -> tuple[str, str]:
@@ -174,8 +174,8 @@ def test_law___replaced_or_with_another_gain___is_told(tmp_path: Path) -> None:
     ]
 
     assert warnings(record(tmp_path / "run", *told)) == [
-        ("law_changed", "the law was changed in pd.kp at 0.2 s (row 100)"),
-        ("law_changed", "the law was changed to pi at 0.5 s (row 250)"),
+        ("plant_changed", "the law was changed in pd.kp at 0.2 s (row 100)"),
+        ("plant_changed", "the law was changed to pi at 0.5 s (row 250)"),
     ]
 
 

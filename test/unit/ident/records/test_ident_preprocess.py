@@ -137,7 +137,7 @@ def test_preprocess___channels_far_from_1___are_scaled_and_give_the_same_model(
     np.testing.assert_allclose(found.fit_error, expected.fit_error, rtol=1e-3)
     poles, same = (np.sort_complex(np.linalg.eigvals(each.model.A)) for each in (found, expected))
     np.testing.assert_allclose(poles, same, rtol=1e-3)
-    told = [notice for notice in prepared.notices if notice.name == "unit"]
+    told = [notice for notice in prepared.notices if notice.code == "converted"]
     assert len(told) == np.count_nonzero(powers)
     assert all("was multiplied by 1e" in notice.text for notice in told)
 
@@ -150,7 +150,10 @@ def test_preprocess___offset_of_many_deviations___is_removed_with_a_notice() -> 
     assert abs(prepared.y[:, 0].mean()) < 1e-6
     np.testing.assert_array_equal(prepared.y[:, 1], data.y[:, 1])
     (notice,) = prepared.notices
-    assert (notice.name, notice.text) == ("offset", "y had an offset of 1e+06, which was removed")
+    assert (notice.code, notice.text) == (
+        "converted",
+        "y had an offset of 1e+06, which was removed",
+    )
     level = clean.y[:, 0].mean()
     same = replace(clean, y=clean.y - [level, 0.0])
     errors = [identify(preprocess(each), order=4, method="orse").fit_error for each in (same, data)]

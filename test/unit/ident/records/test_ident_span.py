@@ -112,7 +112,7 @@ def test_measured___sensor_that_begins_late___cuts_what_is_before(late: list[int
     assert np.flatnonzero(found.missing[:, 0]).tolist() == list(range(1300, 1400))
     (notice,) = found.notices
     name = record().outputs[late[0]]
-    assert (notice.name, notice.channel) == ("late_sensor", name)
+    assert (notice.code, notice.channel) == ("partial_record", name)
     assert notice.text.startswith(f"{name} was not measured before 7 s (row 700): ")
 
 

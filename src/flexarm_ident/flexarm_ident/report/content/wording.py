@@ -15,36 +15,6 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.workflow.outcome import Outcome
 
-CHECKS = {
-    "lost_samples": "Lost samples",
-    "restarted": "Restarts",
-    "unmeasured": "Samples without a value",
-    "clock_jitter": "Clock jitter",
-    "feedback": "Closed loop",
-    "saturation": "Saturation",
-    "dead_sensor": "Dead sensor",
-    "constant_channel": "Constant channel",
-    "duplicated_channel": "Duplicated channel",
-    "offset": "Offset",
-    "outliers": "Outliers",
-    "quantisation": "Quantisation",
-    "no_answer": "Output without answer",
-    "static_gain": "Static gain",
-    "delay": "Delay",
-    "plant_changed": "Change of the plant",
-    "plant_differs": "Plants of the records",
-    "law_changed": "Change of the law",
-    "few_moves": "Number of moves",
-    "held_drive": "Held drive",
-    "unit": "Unit",
-    "excitation_band": "Excited band",
-    "input_condition": "Richness of the input",
-    "too_short": "Length",
-    "few_values": "Number of values",
-    "unknown_input": "Unknown input",
-}
-"""Titles of the checks of the data, by the names of their warnings."""
-
 
 def error_text(delta: float) -> str:
     """Return an error (2-25) with four decimals, a dash for that of a constant output."""
@@ -84,11 +54,6 @@ def figures_text(figures: Mapping[str, float]) -> str:
 def short_labels(records: Sequence[IoData]) -> dict[str, str]:
     """Return short names of records by their labels."""
     return short_names([record.label for record in records])
-
-
-def check_title(name: str) -> str:
-    """Return a data warning's name in words."""
-    return CHECKS.get(name, name.replace("_", " ").capitalize())
 
 
 def shortened(outcome: Outcome, text: str) -> str:

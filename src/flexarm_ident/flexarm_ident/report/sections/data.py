@@ -8,20 +8,15 @@ import numpy as np
 
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.diagnostics.excitation import excited_band_hz
+from flexarm_ident.diagnostics.quality import kinds
 from flexarm_ident.report.content.blocks import Check, Checks, Heading, Plots, Section, Table, Words
-from flexarm_ident.report.content.wording import (
-    CHECKS,
-    check_title,
-    error_text,
-    figures_text,
-    short_labels,
-)
+from flexarm_ident.report.content.wording import error_text, figures_text, short_labels
 from flexarm_ident.report.plots.time_plots import input_plot
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from flexarm_ident.records.iodata import DataWarning
+    from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.report.content.blocks import Block, Subject
     from flexarm_ident.workflow.outcome import Outcome
 
@@ -110,13 +105,13 @@ def _channels(outcome: Outcome) -> Table:
 def _checks(outcome: Outcome) -> Checks:
     found: dict[str, list[DataWarning]] = {}
     for warning in outcome.identification.data_warnings:
-        found.setdefault(warning.name, []).append(warning)
+        found.setdefault(warning.code, []).append(warning)
     checks = (
         Check(
-            check_title(name),
-            tuple((_place(each), figures_text(each.figures)) for each in found.get(name, [])),
+            kind.title,
+            tuple((_place(each), figures_text(each.figures)) for each in found.get(code, [])),
         )
-        for name in {**CHECKS, **found}
+        for code, kind in kinds().items()
     )
     return Checks(tuple(checks))
 
