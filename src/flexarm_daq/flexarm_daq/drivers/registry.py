@@ -16,6 +16,7 @@ from flexarm_core.nearest import nearest
 from flexarm_core.own_modules import failed_line, own_module, told
 from flexarm_daq.drivers.mujoco.arm import MujocoSettings
 from flexarm_daq.drivers.mujoco.rig import MujocoRig
+from flexarm_daq.drivers.serial.rig import SerialRig, SerialSettings
 from flexarm_daq.drivers.settings import require_count, settings_of
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
@@ -49,10 +50,18 @@ def _mujoco(rig: RigDescription, folder: Path) -> Rig:
     return MujocoRig(settings, folder)
 
 
+def _serial(rig: RigDescription, _: Path) -> Rig:
+    settings = settings_of(SerialSettings, rig, rate_hz=rig.rate_hz)
+    require_count("inputs", settings.inputs, rig.input_names)
+    require_count("outputs", settings.outputs, rig.output_names)
+    return SerialRig(settings)
+
+
 DRIVERS: Final[dict[str, Callable[[RigDescription, Path], Rig]]] = {
     "simulated": _simulated,
     "nidaq": _nidaq,
     "mujoco": _mujoco,
+    "serial": _serial,
 }
 """Drivers that come with flexarm."""
 

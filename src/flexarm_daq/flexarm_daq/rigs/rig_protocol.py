@@ -50,6 +50,8 @@ class Rig(Protocol):
     `has_virtual_time` that is true. It has an attribute `clock`, None in virtual time, by which it
     moves in real time.
 
+    A text `about` is what an open rig says of its hardware; `rig check` prints it.
+
     A rig that lacks a sensor reads a constant in its place, and names the channel in an attribute
     `absent_channels`, a tuple: neither self-test nor sensor check asks anything of that channel.
     """

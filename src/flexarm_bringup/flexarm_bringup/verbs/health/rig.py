@@ -84,6 +84,8 @@ def check(rig_file: str) -> None:
 
     driver = driven(description, Path() if rig_file in packaged() else Path(rig_file).parent)
     reading = read_at_rest(driver, description, _READ_S)
+    if reading.about:
+        click.echo(reading.about)
     terminal.show_table(_table(description, reading))
     off = abs(reading.rate_hz / description.rate_hz - 1.0)
     click.echo(f"rate {reading.rate_hz:.5g} Hz, {len(reading.raw)} samples")

@@ -1,0 +1,1 @@
+"""Rig behind a microcontroller on a serial line, whose firmware stands in the folder `firmware`."""
