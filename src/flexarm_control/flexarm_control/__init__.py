@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from flexarm_control.laws.registry import LAWS, LawSpec, build_law
     from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
     from flexarm_control.references import REFERENCES, Reference, build_reference
+    from flexarm_control.servo.controller import Servo
+    from flexarm_control.servo.files import load_controller
     from flexarm_control.simulation import LoopRun, simulate, simulate_loop
 
     # This is the public name of the errors of this package.
@@ -52,6 +54,7 @@ __all__ = [
     "PiGains",
     "PiTuning",
     "Reference",
+    "Servo",
     "StepFigures",
     "build_law",
     "build_reference",
@@ -59,6 +62,7 @@ __all__ = [
     "design_lqg",
     "itae",
     "limited",
+    "load_controller",
     "margins",
     "nominal_model",
     "nominal_payloads_kg",

@@ -24,6 +24,11 @@ _TIME = re.compile(
     rf"zeit|x_value|(.*[._/])?secs?)({TIME_UNIT_ENDING})?",
     re.IGNORECASE,
 )
+_COMMAND = re.compile(
+    r"(u|tau|torque|command|cmd|effort|force|current|voltage|input|control|drive|motor|pwm)"
+    r"([ _.-]*(cmd|command|in|nm|n|v|a))?[ _.-]*\d*([ _.-]*(cmd|command|nm|n|v|a))?",
+    re.IGNORECASE,
+)
 _WHOLE_SECONDS = re.compile(r"(.*[._/])?secs?", re.IGNORECASE)
 _RATE = re.compile(r"([0-9.eE+-]+) ?Hz", re.IGNORECASE)
 _ENDING = re.compile(r"\s*(\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\))$")
@@ -81,6 +86,33 @@ def named_columns(
         time_unit=unit,
         rate_hz=rate_hz,
     )
+
+
+def guessed_columns(
+    path: Path, inputs: Sequence[str], outputs: Sequence[str], times: Sequence[str] = ()
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return inputs and outputs of a file of which one or both were not said.
+
+    Inputs are columns that are called a command, such as ``torque`` or ``u1``; all others are
+    outputs, but for the time.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read, or no column is called a command.
+    """
+    layout = table_layout(path)
+    column, *_ = _told_time(times, layout.names)
+    taken = {column, *_times(layout), *(text.rpartition("=")[2] for text in (*inputs, *outputs))}
+    free = [name for name in layout.names if name and name not in taken]
+    commands = [name for name in free if _COMMAND.fullmatch(_ENDING.sub("", name))]
+    found = tuple(inputs or commands)
+    if not found:
+        raise CsvImportError(
+            f"{path}: no column is called a command, such as torque or u: name it with --input; "
+            f"{columns_told(layout)}"
+        )
+    return found, tuple(outputs or [name for name in free if name not in found])
 
 
 def _told_time(times: Sequence[str], names: Sequence[str]) -> tuple[str, str, float | None]:

@@ -63,22 +63,23 @@ def c_header(name: str, parameters: Mapping[str, ParameterValue]) -> str:
     for key, (height, width) in shapes.items():
         lines += [
             f"static const double {label}_{key}[{height} * {width}] = {{",
-            *_number_lines(fields[key]),
+            *number_lines(fields[key]),
             "};",
         ]
     for key, size in (("input_names", inputs), ("output_names", outputs)):
-        strings = ", ".join(_string(text) for text in fields[key])
+        strings = ", ".join(c_string(text) for text in fields[key])
         lines.append(f"static const char *const {label}_{key}[{size}] = {{{strings}}};")
     return "\n".join([*lines, "", "#endif", ""])
 
 
-def _number_lines(numbers: Sequence[float]) -> list[str]:
+def number_lines(numbers: Sequence[float]) -> list[str]:
+    """Return lines of numbers for the braces of a C array, to the last bit."""
     texts = [repr(number) for number in numbers]
     starts = range(0, len(texts), _PER_LINE)
     return [f"    {', '.join(texts[start : start + _PER_LINE])}," for start in starts]
 
 
-def _string(text: str) -> str:
+def c_string(text: str) -> str:
     """Return a C string; octal escapes also keep trigraphs out."""
     return '"' + "".join(_character(byte) for byte in text.encode()) + '"'
 

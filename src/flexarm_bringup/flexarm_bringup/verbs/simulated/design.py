@@ -1,10 +1,10 @@
-"""Verb design: excite, identify, reduce, design and run a law for a payload nobody packaged."""
+"""Verb design: a servo for any record or model, or a law for a payload nobody packaged."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.verbs.offline.servo import run_servo, servo_options
 from flexarm_bringup.verbs.simulated.chosen_run import simulated_run
 from flexarm_bringup.verbs.simulated.run_settings import (
     REPORT_FILE,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
 CONTROLLER_FILE = "controller.yaml"
 # The law of the controller for each tuning: without compensation, PDP sticks before the set-point.
+_SERVO = "servo"
 _RUNS_AS = {"ilqr": "ilqr", "lqg": "lqg", "pdp": "pdpc"}
 # A step is clearly earlier when it takes less than two thirds of the time of another one.
 _EARLIER = 1.5
@@ -82,29 +84,48 @@ class Designed(NamedTuple):
 
 
 @click.command()
+@click.argument(
+    "sources", nargs=-1, metavar="[RECORD_OR_MODEL]...", type=click.Path(path_type=Path)
+)
 @click.option(
     "--law",
-    type=click.Choice(tuple(_RUNS_AS)),
-    default="ilqr",
-    show_default=True,
-    help="pdp: its gains, run as pdpc.",
+    type=click.Choice((*_RUNS_AS, _SERVO)),
+    help="ilqr for a payload by default, servo for records and models; pdp: its gains, run as "
+    "pdpc.",
 )
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True
 )
 @run_options
+@servo_options
 @examples(
+    "design run.csv --input torque --output angle --track angle",
+    "design out/identify/model.yaml --track angle --limit torque=3 --bandwidth 2Hz",
     "design --payload 0.15",
     "design --payload 0.35 --law lqg --fast",
     "design --payload 0.15 --law pdp --fast --out out/pdp",
 )
-def design(**settings: Any) -> None:  # noqa: ANN401
-    """Identify, design and run a law for any payload.
+def design(sources: tuple[Path, ...], law: str | None, **settings: Any) -> None:  # noqa: ANN401
+    """Design a controller for records or models of any plant, or for a payload of the arm.
 
-    The packaged law makes a step beside it: ilqr for 300 g, lqg by payload, pdpc with its gains.
-    The margins are those on the identified model.
+    A record is identified first. The servo steps on twins of the model, and is written for Python
+    and for C. With several models, such as of several payloads, it holds all of them.
+
+    For a payload, the packaged law makes a step beside the designed one: ilqr for 300 g, lqg by
+    payload, pdpc with its gains. The margins are those on the identified model.
     """
-    _run_design(DesignSettings(**settings))
+    own = {field.name for field in fields(DesignSettings)}
+    asked = {name: settings.pop(name) for name in tuple(settings) if name not in own}
+    if sources or asked["track"]:
+        if law not in {None, _SERVO}:
+            raise click.UsageError(f"--law {law} is for --payload: a record has the law {_SERVO}")
+        if not sources:
+            raise click.UsageError("--track needs a record or a model: name its file")
+        run_servo(sources, settings["out"], asked, force=settings["force"])
+        return
+    if law == _SERVO:
+        raise click.UsageError(f"--law {_SERVO} needs a record or a model, and --track OUTPUT")
+    _run_design(DesignSettings(law=law or "ilqr", **settings))
 
 
 def _run_design(settings: DesignSettings) -> None:

@@ -1,0 +1,1 @@
+"""The law servo: a controller for any model, from its design to Python and C code."""

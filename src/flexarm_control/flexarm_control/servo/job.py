@@ -1,0 +1,281 @@
+"""Servo for models and what is known of their plants: design, controller, steps on twins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_control.servo.controller import Servo, ServoGains
+from flexarm_control.servo.regulator import loop_plant, ramp_state, tracked_outputs
+from flexarm_control.servo.robustness import SPREAD, at_bandwidth, choose_bandwidth
+from flexarm_control.servo.set_point import plan_for
+from flexarm_control.servo.twin import TWINS, Twin, perturbed, step_results, step_run
+from flexarm_core.errors import SettingError
+from flexarm_core.nearest import nearest
+from flexarm_ident.fitting.validation import frequency_response
+from flexarm_ident.models.state_space import state_space
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import control
+
+    from flexarm_control.servo.regulator import Regulator
+    from flexarm_control.servo.robustness import Choice
+    from flexarm_control.servo.twin import Run, StepResult
+    from flexarm_core.arrays import FloatArray, Progress
+    from flexarm_ident.friction.dry_friction import DryFriction
+    from flexarm_ident.records.iodata import IoData
+
+_PERIODS = 8.0
+_WIDTH = 0.05
+# The third differences of white noise have twenty times its power.
+_DIFFERENCES, _POWER = 3, 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Model of a plant, and what its file and its record tell.
+
+    Attributes
+    ----------
+    name : str
+        Name for the user.
+    model : control.StateSpace
+        The model.
+    friction : DryFriction, optional
+        Friction at its inputs.
+    record : IoData, optional
+        Record from which it was identified.
+    """
+
+    name: str
+    model: control.StateSpace
+    friction: DryFriction | None = None
+    record: IoData | None = None
+
+    @property
+    def noise(self) -> FloatArray:
+        """Standard deviation of each output's noise; zeros without a record."""
+        if self.record is None:
+            return np.zeros(self.model.noutputs)
+        changes = np.diff(self.record.y, _DIFFERENCES, axis=0)
+        return np.asarray(np.sqrt(np.mean(changes**2, axis=0) / _POWER))
+
+    def twin(self, delay_s: float) -> Twin:
+        """Return the plant of a loop with this model."""
+        if self.friction is None:
+            levels, speed = np.zeros(self.model.ninputs), np.zeros(np.shape(self.model.B.T))
+        else:
+            levels, speed = self.friction.levels, self.friction.speed
+        return Twin(self.model, levels, speed, self.noise, delay_s)
+
+
+class ServoRequest(NamedTuple):
+    """What a servo is to do.
+
+    Attributes
+    ----------
+    track : tuple of str
+        Outputs that follow set-points.
+    limits : mapping of str to float
+        Largest commands by input; those of the record for the others.
+    bandwidth_hz : float, optional
+        Bandwidth; None: as large as the margin allows.
+    robustness : float
+        Least disk margin of a bandwidth that is chosen.
+    delay_s : float
+        Delay of the loop, s.
+    """
+
+    track: tuple[str, ...]
+    limits: Mapping[str, float]
+    bandwidth_hz: float | None = None
+    robustness: float = 0.5
+    delay_s: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ServoDesign:
+    """A designed servo.
+
+    Attributes
+    ----------
+    gains : ServoGains
+        The controller.
+    choice : Choice
+        The design with its margins.
+    plants : dict of str to control.StateSpace
+        Plants of the design by name.
+    steps : ndarray, (tracked,)
+        Steps of the tracked outputs on the twins.
+    run : Run
+        Step on the twin.
+    results : tuple of StepResult
+        Its figures.
+    others : tuple of Run
+        Steps on perturbed twins.
+    notes : tuple of str
+        What a user should know.
+    """
+
+    gains: ServoGains
+    choice: Choice
+    plants: dict[str, control.StateSpace]
+    steps: FloatArray
+    run: Run
+    results: tuple[StepResult, ...]
+    others: tuple[Run, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def other_results(self) -> list[tuple[StepResult, ...]]:
+        """Figures of the steps on perturbed twins."""
+        servo = Servo(self.gains)
+        return [step_results(servo, run, self.steps) for run in self.others]
+
+
+def design_servo(
+    sources: Sequence[Source],
+    request: ServoRequest,
+    *,
+    progress: Progress = lambda _stage, _fraction: None,
+) -> ServoDesign:
+    """Design a servo, and step it on twins.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        Models of one rig, such as with several payloads; the first one is designed for.
+    request : ServoRequest
+        What it is to do.
+    progress : callable
+        Called with the stage and the part of it that is done.
+
+    Raises
+    ------
+    SettingError
+        When the models differ in their signals or periods, an output or input is not known, or no
+        design has what is asked for.
+    """
+    first = sources[0]
+    _require_alike(sources)
+    tracked = tracked_outputs(first.model, request.track)
+    limits, notes = _limits(sources, request)
+    plants = {each.name: loop_plant(each.model, request.delay_s) for each in sources}
+    progress("design", 0.0)
+    if request.bandwidth_hz is None:
+        choice = choose_bandwidth(plants, tracked, robustness=request.robustness, limits=limits)
+    else:
+        choice = at_bandwidth(plants, tracked, request.bandwidth_hz, limits=limits)
+    gains = _gains(choice, first, limits)
+    servo = Servo(gains)
+    steps = _steps(first, tracked)
+    slowest = np.max(np.abs(steps) / gains.slopes, initial=0.0) / gains.rate_hz
+    seconds = _PERIODS / gains.bandwidth_hz + slowest
+    twin = first.twin(request.delay_s)
+    progress("twins", 0.0)
+    run = step_run(servo, twin, steps, seconds, seed=0)
+    others = []
+    for seed in range(1, TWINS + 1):
+        others.append(step_run(servo, perturbed(twin, seed, SPREAD), steps, seconds, seed=seed))
+        progress("twins", seed / TWINS)
+    results = step_results(servo, run, steps)
+    return ServoDesign(gains, choice, plants, steps, run, results, tuple(others), notes)
+
+
+def _require_alike(sources: Sequence[Source]) -> None:
+    def signals(source: Source) -> tuple[list[str], list[str], float]:
+        model = source.model
+        return list(model.input_labels), list(model.output_labels), float(model.dt)
+
+    first, *others = sources
+    for other in others:
+        if signals(other) != signals(first):
+            raise SettingError(
+                f"{other.name} and {first.name} differ in inputs, outputs or period: give models "
+                "of one rig, made from the same columns at one rate"
+            )
+
+
+def _limits(sources: Sequence[Source], request: ServoRequest) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the largest commands, (inputs,), and notes on those that nobody said."""
+    names = list(sources[0].model.input_labels)
+    for name, limit in request.limits.items():
+        if name not in names:
+            raise SettingError(f"--limit {name}: no such input{nearest(name, names)}")
+        if not limit > 0.0:
+            raise SettingError(f"--limit {name}={limit:g}: must be above zero")
+    found, notes = np.full(len(names), np.inf), []
+    records = [each.record for each in sources if each.record is not None]
+    for i, name in enumerate(names):
+        if name in request.limits:
+            found[i] = request.limits[name]
+        elif records:
+            found[i] = max(float(np.max(np.abs(record.u[:, i]))) for record in records)
+            notes.append(
+                f"limit of {name}: {found[i]:.4g}, the largest command in the record; "
+                f"--limit {name}=VALUE says another"
+            )
+        else:
+            notes.append(f"{name} has no limit: say --limit {name}=VALUE")
+    return found, tuple(notes)
+
+
+def _steps(source: Source, tracked: Sequence[int]) -> FloatArray:
+    """Return steps of the tracked outputs: half of what the record covers, else one unit."""
+    if source.record is None:
+        return np.ones(len(tracked))
+    covered = np.ptp(source.record.y[:, list(tracked)], axis=0)
+    return np.where(covered > 0.0, 0.5 * covered, 1.0)
+
+
+def _gains(choice: Choice, source: Source, limits: FloatArray) -> ServoGains:
+    regulator = choice.regulator
+    plant = regulator.plant
+    order, states = plant.nstates, len(regulator.A)
+    levels = np.zeros(plant.ninputs)
+    speed = np.zeros((plant.ninputs, states))
+    if source.friction is not None:
+        levels = np.minimum(source.friction.levels, limits)
+        speed[:, : source.model.nstates] = source.friction.speed
+    headings = speed[:, :order] @ ramp_state(regulator)
+    plan = plan_for(regulator, limits, levels)
+    rest = np.zeros((states, len(regulator.tracked)))
+    rest[:order] = regulator.rest
+    return ServoGains(
+        inputs=tuple(plant.input_labels),
+        outputs=tuple(plant.output_labels),
+        tracked=tuple(plant.output_labels[each] for each in regulator.tracked),
+        rate_hz=1.0 / float(plant.dt),
+        bandwidth_hz=regulator.bandwidth_hz,
+        disk_margin=float(choice.worst[1].disk),
+        limits=limits,
+        A=regulator.A,
+        B=regulator.B,
+        C=regulator.C,
+        feedback=regulator.feedback,
+        correction=regulator.correction,
+        forward=regulator.forward,
+        rest=rest,
+        slopes=plan.slopes,
+        windows=np.array(plan.windows, dtype=np.int64),
+        levels=levels,
+        speed=speed,
+        headings=headings,
+        widths=_widths(regulator, speed[:, :order], levels),
+    )
+
+
+def _widths(regulator: Regulator, speed: FloatArray, levels: FloatArray) -> FloatArray:
+    """Return planned speeds from which friction is made up for in full, (inputs,).
+
+    They are a twentieth of the speeds that a force of the friction's size makes at the bandwidth.
+    """
+    plant = regulator.plant
+    speeds = state_space(plant.A, plant.B, speed, 0.0, float(plant.dt))
+    moves = np.abs(frequency_response(speeds, [regulator.bandwidth_hz])[0])
+    sizes = _WIDTH * np.diag(moves) * levels
+    return np.where(sizes > 0.0, sizes, 1.0)

@@ -1,0 +1,351 @@
+"""Disk margins of servo loops over uncertain models, and the bandwidth that they allow.
+
+The disk margin of several loops is the largest size of simultaneous gain and phase errors, one in
+each loop, that the closed loop bears: 1 / mu(S - I/2) with the sensitivity S and a diagonal
+uncertainty (Seiler, Packard, Gahinet, "An introduction to disk margins", IEEE Control Systems
+Magazine 40, 2020). It is taken at all inputs together and at each output alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import scipy
+
+from flexarm_control.servo.regulator import design_regulator, loop_radius
+from flexarm_core.errors import SettingError
+from flexarm_ident.models.state_space import with_matrices
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import control
+
+    from flexarm_control.servo.regulator import Regulator
+    from flexarm_core.arrays import ComplexArray, FloatArray
+
+SPREAD = 0.2
+"""Part by which the frequency of a vibration may be another one, such as with another payload."""
+VIBRATES = 0.3
+"""Damping ratio below which a mode is a vibration."""
+BELOW_VIBRATION = 3.0
+"""Frequency of the slowest vibration over the largest bandwidth: a faster plan would excite it."""
+_SAMPLES = 20.0
+_STEP = 2.0**0.5
+_HALVINGS = 3
+_RANGE = 1e3
+_POINTS = 150
+_AROUND = np.linspace(-3.0, 3.0, 13)
+_NARROWEST = 1e-3
+_SWEEPS = 20
+# A pole at zero has no logarithm.
+_TINY = 1e-300
+
+
+class LoopMargin(NamedTuple):
+    """Smallest disk margin of a loop, its frequency, and where it was taken; 0 when unstable."""
+
+    disk: float
+    frequency_hz: float
+    place: str
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A servo with its margins.
+
+    Attributes
+    ----------
+    regulator : Regulator
+        Design for the first model.
+    margins : dict of str to LoopMargin
+        Smallest disk margin with each model and each of its variations.
+    limit : str
+        What keeps the bandwidth from being larger.
+    """
+
+    regulator: Regulator
+    margins: dict[str, LoopMargin]
+    limit: str
+
+    @property
+    def worst(self) -> tuple[str, LoopMargin]:
+        """The model with the smallest margin, and that margin."""
+        return min(self.margins.items(), key=lambda each: each[1].disk)
+
+
+def variations(
+    name: str, plant: control.StateSpace, spread: float = SPREAD
+) -> dict[str, control.StateSpace]:
+    """Return a plant and variations of its vibrations, by name.
+
+    All frequencies are higher or lower, and the slowest one alone.
+    """
+    modes = _vibrations(plant)
+    found = {name: plant}
+    if not modes:
+        return found
+    slowest = min(modes, key=lambda value: abs(np.log(value)))
+    for which, words in ((modes, "all vibrations"), ([slowest], "the slowest vibration")):
+        for sign, said in ((1.0, "+"), (-1.0, "-")):
+            factors = dict.fromkeys(which, 1.0 + sign * spread + 0.0j)
+            changed = with_modes(plant, factors)
+            found[f"{name}, {words} {said}{100.0 * spread:.0f} %"] = changed
+    return found
+
+
+def with_modes(plant: control.StateSpace, factors: Mapping[complex, complex]) -> control.StateSpace:
+    """Return a plant whose modes have other frequencies and dampings, and the same shapes.
+
+    Parameters
+    ----------
+    plant : control.StateSpace
+        The plant.
+    factors : mapping of complex to complex
+        Eigenvalues with positive imaginary part, and the factor on the logarithm of each.
+    """
+    values, left, right = scipy.linalg.eig(plant.A, left=True)
+    A = np.array(plant.A)
+    for value, factor in factors.items():
+        i = int(np.argmin(np.abs(values - value)))
+        row = left[:, i].conj()
+        moved = np.exp(np.log(value) * factor) - value
+        # A pair changes by twice the real part; other modes, defective ones too, stay.
+        A += 2.0 * np.real(moved * np.outer(right[:, i], row) / (row @ right[:, i]))
+    return with_matrices(plant, A=A)
+
+
+def slowest_vibration_hz(plant: control.StateSpace) -> float:
+    """Return the frequency of the slowest vibration, Hz; infinite without one."""
+    speeds = [abs(np.log(value)) for value in _vibrations(plant)]
+    return float(min(speeds, default=np.inf) / (2.0 * np.pi * plant.dt))
+
+
+def loop_margin(found: Regulator, plant: control.StateSpace) -> LoopMargin:
+    """Return the smallest disk margin of a servo with a plant, of its inputs and each output."""
+    if not loop_radius(found, plant) < 1.0:
+        return LoopMargin(0.0, np.nan, "unstable")
+    frequency_hz = loop_frequencies_hz(found, plant)
+    at_inputs, at_outputs = sensitivities(found, plant, frequency_hz)
+    half = 0.5 * np.eye(plant.ninputs)
+    sizes = {"inputs": _mu(at_inputs - half)}
+    for output, name in enumerate(plant.output_labels):
+        sizes[name] = np.abs(at_outputs[:, output, output] - 0.5)
+    margins = {
+        place: LoopMargin(1.0 / size.max(), float(frequency_hz[size.argmax()]), place)
+        for place, size in sizes.items()
+    }
+    return min(margins.values())
+
+
+def sensitivities(
+    found: Regulator, plant: control.StateSpace, frequency_hz: FloatArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return the sensitivities at inputs and outputs, (frequencies, signals, signals)."""
+    law = found.controller
+    z = np.exp(2j * np.pi * frequency_hz * plant.dt)
+    P, K = _response(plant, z), -_response(law, z)
+    inner = np.linalg.inv(np.eye(plant.ninputs) + K @ P)
+    outer = np.eye(plant.noutputs) - P @ inner @ K
+    return np.asarray(inner, dtype=complex), np.asarray(outer, dtype=complex)
+
+
+def loop_frequencies_hz(found: Regulator, plant: control.StateSpace) -> FloatArray:
+    """Return frequencies of a loop, Hz: evenly on a scale, and near each of its vibrations."""
+    half_hz = 0.5 / float(plant.dt)
+    places = [np.geomspace(0.01 * found.bandwidth_hz, half_hz, _POINTS)]
+    for matrix in (plant.A, found.controller.A):
+        speeds = np.log(np.linalg.eigvals(matrix).astype(complex) + _TINY) / (
+            2.0 * np.pi * plant.dt
+        )
+        places += [
+            speed.imag + _AROUND * max(abs(speed.real), _NARROWEST * speed.imag)
+            for speed in speeds[speeds.imag > 0.0]
+        ]
+    grid = np.unique(np.concatenate(places))
+    return np.asarray(grid[(grid > 0.0) & (grid <= half_hz)])
+
+
+def choose_bandwidth(
+    plants: Mapping[str, control.StateSpace],
+    tracked: Sequence[int],
+    *,
+    robustness: float,
+    limits: FloatArray,
+) -> Choice:
+    """Return the design with the largest bandwidth whose worst disk margin meets a bound.
+
+    It is searched from above, from a third of the slowest vibration or a twentieth of the rate on.
+
+    Parameters
+    ----------
+    plants : mapping of str to control.StateSpace
+        Plants by name; the first one is designed for.
+    tracked : sequence of int
+        Outputs that follow set-points.
+    robustness : float
+        Least disk margin, with each plant and its `variations`.
+    limits : ndarray, (inputs,)
+        Largest inputs.
+
+    Raises
+    ------
+    SettingError
+        When no bandwidth has such a margin.
+    """
+    highest_hz, reason = _highest(plants)
+    tries = _Tries(plants, tracked, limits, robustness)
+    high_hz = highest_hz
+    while (best := tries.suffices(high_hz)) is None:
+        high_hz /= _STEP
+        if high_hz * _RANGE < highest_hz:
+            raise tries.refusal()
+    if high_hz == highest_hz:
+        return replace(best, limit=reason)
+    low_hz, high_hz = high_hz, high_hz * _STEP
+    for _ in range(_HALVINGS):
+        middle_hz = (low_hz * high_hz) ** 0.5
+        found = tries.suffices(middle_hz)
+        if found is None:
+            high_hz = middle_hz
+        else:
+            best, low_hz = found, middle_hz
+    return replace(best, limit=tries.limit())
+
+
+class _Tries:
+    """Designs that were tried, and why the last one of them does not suffice."""
+
+    def __init__(
+        self,
+        plants: Mapping[str, control.StateSpace],
+        tracked: Sequence[int],
+        limits: FloatArray,
+        robustness: float,
+    ) -> None:
+        self._first = next(iter(plants.values()))
+        self._all = _all(plants)
+        self._tracked, self._limits, self._robustness = tracked, limits, robustness
+        self._failed: list[Choice] = []
+        self._error: SettingError | None = None
+
+    def suffices(self, bandwidth_hz: float) -> Choice | None:
+        """Return the design for a bandwidth when its margins suffice."""
+        try:
+            found = design_regulator(self._first, self._tracked, bandwidth_hz, limits=self._limits)
+        except SettingError as error:
+            self._error = error
+            return None
+        choice = Choice(found, _margins(found, self._all), "")
+        if choice.worst[1].disk >= self._robustness:
+            return choice
+        self._failed.append(choice)
+        return None
+
+    def limit(self) -> str:
+        """Return which margin the last design that failed misses."""
+        if not self._failed:
+            return "no design above stabilises the model"
+        name, margin = self._failed[-1].worst
+        place = f"{margin.place}, at {margin.frequency_hz:.3g} Hz" if margin.disk else "unstable"
+        return f"above, the disk margin with {name} ({place}) falls below {self._robustness:g}"
+
+    def refusal(self) -> SettingError:
+        """Return the error that tells how far the best design is from what was asked for."""
+        if not self._failed:
+            return self._error or SettingError("no stabilising design")
+        nearest = max(self._failed, key=lambda each: each.worst[1].disk)
+        name, margin = nearest.worst
+        if not margin.disk:
+            return SettingError(
+                f"no stabilising design: with {name} the loop is unstable at every bandwidth; "
+                "identify the plant again, or give models that are nearer to each other"
+            )
+        return SettingError(
+            f"no bandwidth has a disk margin of {self._robustness:g}: the largest is "
+            f"{margin.disk:.2f}, at {nearest.regulator.bandwidth_hz:.3g} Hz with {name}; allow "
+            "less with --robustness, or give models that are nearer to each other"
+        )
+
+
+def _highest(plants: Mapping[str, control.StateSpace]) -> tuple[float, str]:
+    """Return the largest bandwidth that is tried, and why."""
+    vibration_hz = min(map(slowest_vibration_hz, plants.values()))
+    rate_hz = 1.0 / float(next(iter(plants.values())).dt)
+    if vibration_hz / BELOW_VIBRATION < rate_hz / _SAMPLES:
+        return (
+            vibration_hz / BELOW_VIBRATION,
+            f"the slowest vibration, {vibration_hz:.3g} Hz: a faster plan would excite it",
+        )
+    return rate_hz / _SAMPLES, f"the rate, {rate_hz:.4g} Hz: {_SAMPLES:.0f} samples for a period"
+
+
+def at_bandwidth(
+    plants: Mapping[str, control.StateSpace],
+    tracked: Sequence[int],
+    bandwidth_hz: float,
+    *,
+    limits: FloatArray,
+) -> Choice:
+    """Return the design for a bandwidth that was said; arguments as in `choose_bandwidth`.
+
+    Raises
+    ------
+    SettingError
+        When it does not hold one of the plants.
+    """
+    first = next(iter(plants.values()))
+    found = design_regulator(first, tracked, bandwidth_hz, limits=limits)
+    margins = _margins(found, _all(plants))
+    for name in plants:
+        if not margins[name].disk:
+            raise SettingError(
+                f"no stabilising design at {bandwidth_hz:g} Hz: the loop with {name} is unstable; "
+                "say a smaller --bandwidth, or auto"
+            )
+    return Choice(found, margins, "it was said")
+
+
+def _margins(found: Regulator, plants: Mapping[str, control.StateSpace]) -> dict[str, LoopMargin]:
+    return {name: loop_margin(found, plant) for name, plant in plants.items()}
+
+
+def _all(plants: Mapping[str, control.StateSpace]) -> dict[str, control.StateSpace]:
+    return {
+        said: each
+        for name, plant in plants.items()
+        for said, each in variations(name, plant).items()
+    }
+
+
+def _vibrations(plant: control.StateSpace) -> list[complex]:
+    """Return the eigenvalues of vibrations with positive imaginary part."""
+    found = []
+    for value in np.linalg.eigvals(plant.A).astype(complex).tolist():
+        speed = np.log(value) if value.imag > 0.0 else 0.0
+        if value.imag > 0.0 and -speed.real < VIBRATES * abs(speed):
+            found.append(value)
+    return found
+
+
+def _response(model: control.StateSpace, z: ComplexArray) -> ComplexArray:
+    """Return C (zI - A)^-1 B + D, (frequencies, outputs, inputs)."""
+    resolvent = z[:, None, None] * np.eye(model.nstates) - model.A
+    solved = np.linalg.solve(resolvent, np.asarray(model.B, dtype=complex))
+    return np.asarray(model.C @ solved + model.D)
+
+
+def _mu(matrices: ComplexArray) -> FloatArray:
+    """Return an upper bound of mu for a diagonal uncertainty, by scaling (Osborne 1960)."""
+    count = matrices.shape[1]
+    scaled = matrices.copy()
+    for _ in range(_SWEEPS if count > 1 else 0):
+        for i in range(count):
+            rows = np.linalg.norm(np.delete(scaled[:, i, :], i, axis=1), axis=1)
+            columns = np.linalg.norm(np.delete(scaled[:, :, i], i, axis=1), axis=1)
+            factor = np.sqrt((columns + _TINY) / (rows + _TINY))
+            scaled[:, i, :] *= factor[:, None]
+            scaled[:, :, i] /= factor[:, None]
+    return np.asarray(np.linalg.svd(scaled, compute_uv=False)[:, 0])

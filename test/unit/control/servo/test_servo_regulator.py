@@ -1,0 +1,178 @@
+"""Servo design: margins beside python-control's, rest in closed form, refusals in one line."""
+
+from __future__ import annotations
+
+import math
+
+import control
+import numpy as np
+import pytest
+
+from flexarm_control.servo.job import ServoRequest, Source, design_servo
+from flexarm_control.servo.regulator import (
+    design_regulator,
+    loop_plant,
+    loop_radius,
+    tracked_outputs,
+)
+from flexarm_control.servo.robustness import (
+    loop_frequencies_hz,
+    loop_margin,
+    sensitivities,
+    variations,
+)
+from flexarm_core.errors import SettingError
+from support.servo_plants import DT_S, bending_arm, sampled, two_joints
+
+
+def test_design_regulator___bending_arm___is_stable_at_every_bandwidth() -> None:
+    plant = loop_plant(bending_arm())
+
+    for bandwidth_hz in (0.2, 1.0, 4.0):
+        assert loop_radius(design_regulator(plant, (0,), bandwidth_hz), plant) < 1.0
+
+
+def test_design_regulator___other_units___gives_the_same_loop() -> None:
+    model = bending_arm()
+    scaled = control.StateSpace(model.A, model.B * 1e3, model.C * 1e-4, 0.0, DT_S)
+
+    one, other = (
+        loop_margin(design_regulator(plant, (0,), 1.0), plant)
+        for plant in (loop_plant(model), loop_plant(scaled))
+    )
+
+    assert other.disk == pytest.approx(one.disk, rel=1e-4)
+
+
+def test_loop_margin___one_input___is_that_of_python_control() -> None:
+    plant = loop_plant(bending_arm(outputs=1))
+    found = design_regulator(plant, (0,), 2.0)
+    loop = -found.controller * plant
+    omega = 2.0 * np.pi * loop_frequencies_hz(found, plant)
+
+    expected, *_ = control.disk_margins(control.ss(loop), omega)
+
+    # One input and one output: both loops are the same one.
+    assert loop_margin(found, plant).disk == pytest.approx(expected, rel=1e-6)
+
+
+def test_loop_margin___two_inputs___holds_for_the_gains_that_it_allows() -> None:
+    plant = loop_plant(two_joints())
+    found = design_regulator(plant, (0, 1), 1.0)
+    share = 0.5 * 0.99 * loop_margin(found, plant).disk
+
+    for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        gains = [(1.0 + sign * share) / (1.0 - sign * share) for sign in signs]
+        changed = control.StateSpace(plant.A, plant.B * gains, plant.C, 0.0, DT_S)
+        assert loop_radius(found, changed) < 1.0
+
+
+def test_sensitivities___at_rest___leave_no_error_of_a_tracked_output() -> None:
+    plant = loop_plant(two_joints())
+    found = design_regulator(plant, (0, 1), 1.0)
+
+    _, outer = sensitivities(found, plant, np.array([1e-4]))
+
+    assert np.abs(outer[0, :2, :2]).max() < 1e-3
+
+
+def test_controller___wrong_gain_and_a_bias___comes_to_rest_on_the_set_point() -> None:
+    plant = loop_plant(bending_arm())
+    found = design_regulator(plant, (0,), 2.0)
+    law, goal, bias = found.controller, 0.7, np.array([0.0, 0.05])
+    x, z = np.zeros(plant.nstates), np.zeros(law.nstates)
+    y = np.zeros(2)
+    for _ in range(20_000):
+        y = plant.C @ x
+        # The filter moves with the whole command: the set-point enters behind its prediction.
+        u = law.C @ z + law.D @ (y + bias) + found.forward[0][:, 0] * goal
+        z = law.A @ z + law.B @ (y + bias) + found.B @ found.forward[0][:, 0] * goal
+        x = plant.A @ x + 0.7 * plant.B @ (u + 0.3)
+
+    assert y[0] == pytest.approx(goal, abs=1e-6)
+
+
+def test_variations___bending_arm___move_its_vibration_alone() -> None:
+    plant = bending_arm()
+
+    found = variations("arm", plant, 0.2)
+
+    for name, factor in (("all vibrations +20 %", 1.2), ("the slowest vibration -20 %", 0.8)):
+        poles = np.log(np.linalg.eigvals(found[f"arm, {name}"].A).astype(complex)) / DT_S
+        assert np.abs(poles).max() == pytest.approx(factor * 2.0 * math.pi * 8.0, rel=1e-6)
+        assert np.sort(np.abs(poles))[:2] == pytest.approx([0.0, 0.5], abs=1e-6)
+
+
+def _refused(model: control.StateSpace, *track: str, **request: object) -> str:
+    with pytest.raises(SettingError) as caught:
+        design_servo([Source("plant", model)], ServoRequest(track, {}, **request))  # type: ignore[arg-type]
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_design_servo___unknown_output___names_the_nearest() -> None:
+    assert "nearest: hub" in _refused(bending_arm(), "hubb")
+
+
+def test_design_servo___unknown_limit___names_the_input() -> None:
+    with pytest.raises(SettingError, match="torque"):
+        design_servo([Source("plant", bending_arm())], ServoRequest(("hub",), {"torqe": 1.0}))
+
+
+def test_design_servo___more_tracks_than_inputs___says_so() -> None:
+    assert "1 input" in _refused(bending_arm(), "hub", "bend")
+
+
+def test_design_servo___output_without_gain_at_rest___is_refused() -> None:
+    assert "at rest" in _refused(bending_arm(), "bend")
+
+
+def test_design_servo___output_that_no_input_moves___is_refused() -> None:
+    model = bending_arm()
+    apart = control.StateSpace(
+        np.block([[model.A, np.zeros((4, 1))], [np.zeros((1, 4)), 0.9 * np.eye(1)]]),
+        np.vstack([model.B, [[0.0]]]),
+        np.block([[model.C, np.zeros((2, 1))], [np.zeros((1, 4)), np.eye(1)]]),
+        0.0,
+        DT_S,
+        inputs=["torque"],
+        outputs=["hub", "bend", "room"],
+    )
+
+    assert "at rest" in _refused(apart, "room")
+
+
+@pytest.mark.parametrize("side", ["input", "output"])
+def test_design_servo___hidden_unstable_mode___is_refused_as_a_cancellation(side: str) -> None:
+    B, C = ([[1.0], [0.0]], [[1.0, 1.0]]) if side == "input" else ([[1.0], [1.0]], [[1.0, 0.0]])
+    model = control.StateSpace(np.diag([0.9, 1.02]), B, C, 0.0, DT_S, outputs=["y"])
+
+    assert f"no {side}" in _refused(model, "y")
+
+
+def test_design_servo___bandwidth_that_a_second_model_does_not_bear___is_refused() -> None:
+    model = bending_arm()
+    other = control.StateSpace(
+        model.A, -model.B, model.C, 0.0, DT_S, inputs=["torque"], outputs=["hub", "bend"]
+    )
+    sources = [Source("one", model), Source("other", other)]
+
+    with pytest.raises(SettingError, match="no stabilising design"):
+        design_servo(sources, ServoRequest(("hub",), {}, bandwidth_hz=1.0))
+    with pytest.raises(SettingError, match="no stabilising design"):
+        design_servo(sources, ServoRequest(("hub",), {}))
+
+
+def test_tracked_outputs___none___names_the_outputs() -> None:
+    with pytest.raises(SettingError, match="hub, bend"):
+        tracked_outputs(bending_arm(), ())
+
+
+def test_loop_plant___feedthrough___becomes_a_state_of_the_input_in_force() -> None:
+    model = sampled([[-1.0]], [[1.0]], [[1.0]], [[2.0]])
+
+    plant = loop_plant(model)
+
+    assert plant.nstates == 2
+    assert not plant.D.any()
