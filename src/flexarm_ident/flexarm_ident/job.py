@@ -9,9 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexarm_core.errors import DataError
 from flexarm_core.outputs import HEAD_BYTES, is_replaceable, require_place
 from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.dry_friction import friction_fields
+from flexarm_ident.importing.csv_columns import TableColumns
+from flexarm_ident.importing.csv_layout import is_table
+from flexarm_ident.importing.csv_map import CsvMap
+from flexarm_ident.importing.csv_record import read_csv
 from flexarm_ident.models.files import FORMATS, save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.provenance import model_provenance
@@ -34,11 +39,13 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import Progress
     from flexarm_ident.models.model_parameters import ParameterValue
     from flexarm_ident.reading.channels import Selection
+    from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
     from flexarm_ident.workflow.outcome import Outcome
     from flexarm_ident.workflow.request import Request
 
-    Read = Callable[[Path, Request, Selection | None, Span], Source]
+    Chosen = Selection | CsvMap | TableColumns | None
+    Read = Callable[[Path, Request, Chosen, Span], Source]
 
 LARGEST_IN_MEMORY = 1_000_000
 """Samples of a bag from which it is read in pieces, each time it is gone through."""
@@ -99,7 +106,7 @@ def identify_bags(
     folder: Path,
     request: Request,
     *,
-    channels: Selection | None = None,
+    channels: Chosen = None,
     span: Span = EVERYTHING,
     exports: Sequence[str] = (),
     force: bool = False,
@@ -120,9 +127,10 @@ def identify_bags(
         Folder of the results, see `write_results`.
     request : Request
         Options.
-    channels : Selection, optional
-        Inputs and outputs among the topics of bags that other programs recorded. None: the bags
-        hold samples of flexarm's own types. Chosen channels are read whole.
+    channels : Selection, CsvMap or TableColumns, optional
+        Inputs and outputs among the topics of bags that other programs recorded, or the columns of
+        CSV files. None: the bags hold samples of flexarm's own types. Chosen channels are read
+        whole.
     span : Span
         Part of each record that is used. A record of which a part is used is read whole.
     exports : sequence of str
@@ -160,7 +168,7 @@ def identify_bags(
         name=name,
         exports=exports,
         force=force,
-        begun=begin_date(bags[0]),
+        begun=begun(bags[0]),
         before_commit=lambda: report("writing", 1.0),
     )
     return Results(name, folder, outcome, parameters)
@@ -172,7 +180,7 @@ def report_bags(
     file: Path,
     request: Request,
     *,
-    channels: Selection | None = None,
+    channels: Chosen = None,
     span: Span = EVERYTHING,
     force: bool = False,
     progress: Progress = lambda _stage, _fraction: None,
@@ -191,7 +199,7 @@ def report_bags(
     )
     name = model_name(bags[0])
     subject, _ = _subject(name, outcome, measured)
-    page = render_report(replace(subject, begun=begin_date(bags[0])), title=_title(name))
+    page = render_report(replace(subject, begun=begun(bags[0])), title=_title(name))
     with _staging(file) as staging:
         staged = staging / REPORT_FILE
         staged.write_text(page, encoding="utf-8")
@@ -284,17 +292,33 @@ def _identified(
     return measured, outcome
 
 
-def read_record(
-    bag: Path, request: Request, channels: Selection | None, span: Span = EVERYTHING
-) -> Source:
+def read_record(bag: Path, request: Request, channels: Chosen, span: Span = EVERYTHING) -> Source:
     """Return the record of a bag as measured; arguments and errors as in `identify_bags`."""
-    if channels is not None:
-        return span.of(read_channels(bag, channels, wrap=span.wrap))
     # In pieces, a record is prepared in the default way alone.
     usual = request.remove_compensation and request.bias == "rest" and request.cutoff_hz is None
-    if usual and span.is_whole and sample_count(bag) > LARGEST_IN_MEMORY:
+    may_stream = usual and span.is_whole and channels is None and not is_table(bag)
+    if may_stream and sample_count(bag) > LARGEST_IN_MEMORY:
         return stream_bag(bag, wrap=span.wrap)
-    return span.of(read_bag(bag, wrap=span.wrap))
+    return read_whole(bag, channels, span)
+
+
+def read_whole(bag: Path, channels: Chosen, span: Span = EVERYTHING) -> IoData:
+    """Return the record of a bag or a CSV file in memory; arguments as in `identify_bags`."""
+    if isinstance(channels, (CsvMap, TableColumns)):
+        if is_table(bag):
+            return span.of(read_csv(bag, channels, wrap=span.wrap))
+        # A bag beside tables has names of its own.
+        channels = None
+    if is_table(bag):
+        raise DataError(f"{bag}: say which of its columns is what (--input, --output, --map)")
+    if channels is None:
+        return span.of(read_bag(bag, wrap=span.wrap))
+    return span.of(read_channels(bag, channels, wrap=span.wrap))
+
+
+def begun(bag: Path) -> str:
+    """Return the instant at which a record begins, as `begin_date`; empty for a CSV file."""
+    return "" if is_table(bag) else begin_date(bag)
 
 
 def _subject(

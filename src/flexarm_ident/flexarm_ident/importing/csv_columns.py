@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
@@ -35,26 +35,29 @@ _ENDING = re.compile(r"\s*(\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\))$")
 _LONGEST = 300
 
 
-def named_columns(
-    path: Path,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    times: Sequence[str] = (),
-    output_only: bool = False,  # noqa: FBT001, FBT002 - a field of `Columns`
-) -> CsvMap:
-    """Return the map of a file whose time is the column that is called so, such as ``time_ms``.
+@dataclass(frozen=True)
+class TableColumns:
+    """Columns of tables that are inputs and outputs, by their names alone.
 
-    Parameters
+    Attributes
     ----------
-    path : Path
-        Text file with a table.
-    inputs, outputs : sequence of str
+    inputs, outputs : tuple of str
         Columns, each as ``COLUMN`` or ``NAME=COLUMN``; the unit in brackets at the end of a
         column's name may be left out.
-    times : sequence of str
+    times : tuple of str
         What tells the time, ``COLUMN``, ``COLUMN:us`` or ``200Hz``; empty for the usual names.
     output_only : bool
         There is no input; without outputs, all columns are but the time.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    times: tuple[str, ...] = ()
+    output_only: bool = False
+
+
+def named_columns(path: Path, asked: TableColumns) -> CsvMap:
+    """Return the map of a file whose time is the column that is called so, such as ``time_ms``.
 
     Raises
     ------
@@ -65,9 +68,11 @@ def named_columns(
     layout = table_layout(path)
     names = layout.names
     there = shorten(", ".join(names), _LONGEST)
-    column, unit, rate_hz = _told_time(times, names)
-    if output_only:
-        outputs = outputs or [name for name in names if name not in {column, *_times(layout)}]
+    inputs, outputs = asked.inputs, asked.outputs
+    column, unit, rate_hz = _told_time(asked.times, names)
+    if asked.output_only:
+        others = (name for name in names if name not in {column, *_times(layout)})
+        outputs = outputs or tuple(others)
     elif not (inputs and outputs):
         raise CsvImportError(
             f"{path}: a model needs --input COLUMN and --output COLUMN; columns: {there}; "

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import TextIO
 
+_TABLES = frozenset(
+    {".csv", ".tsv", ".txt", ".dat", ".lvm", ".log", ".asc", ".prn", ".mat", ".h5", ".hdf5"}
+    | {".parquet", ".feather", ".tdms"}
+)
 # Of equally good ones the first counts; a blank stands for white space of any length.
 _SEPARATORS = ("\t", ",", ";", "|", " ")
 # What programs write for a number that they lack; NaN is a number to Python.
@@ -132,6 +136,11 @@ class Layout:
         reader = csv.reader(plain, delimiter=self.separator, skipinitialspace=True)
         for row in reader:
             yield first + reader.line_num - 1, row
+
+
+def is_table(path: Path) -> bool:
+    """Return whether a path is that of a table by its ending: no bag is called so."""
+    return path.suffix.lower() in _TABLES
 
 
 def read_layout(path: Path) -> Layout:

@@ -132,5 +132,13 @@ PLANT_CHANGED = Kind(
     "information",
     "identify the parts alone (`--to`, `--from`), or each record (`--each`)",
 )
-RECORDING = (LOST_SAMPLES, SAMPLING, PARTIAL_RECORD, CONVERTED, PLANT_CHANGED)
+TABLE = Kind(
+    "table",
+    "Table of text",
+    "lines of a CSV file that are no rows, units and times that are doubtful, rows that were "
+    "resampled",
+    "see Forms of a file",
+    Grade.INFORMATION,
+)
+RECORDING = (LOST_SAMPLES, SAMPLING, PARTIAL_RECORD, CONVERTED, PLANT_CHANGED, TABLE)
 """What the reading of a record tells."""

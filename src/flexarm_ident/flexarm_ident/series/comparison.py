@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import Progress
     from flexarm_ident.fitting.validation import Dmv
     from flexarm_ident.friction.dry_friction import DryFriction
-    from flexarm_ident.reading.channels import Selection
+    from flexarm_ident.job import Chosen
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
     from flexarm_ident.report.content.blocks import Block
@@ -91,7 +91,7 @@ def compare_files(
     file: Path,
     request: Request,
     *,
-    channels: Selection | None = None,
+    channels: Chosen = None,
     span: Span = EVERYTHING,
     force: bool = False,
     progress: Progress = lambda _stage, _fraction: None,

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 from flexarm_core.errors import DataError, FlexarmError, one_line
 from flexarm_core.outputs import MARK, require_place
 from flexarm_core.workers import Workers, computed
-from flexarm_ident.job import REPORT_FILE, model_name, read_record, write_results
+from flexarm_ident.job import REPORT_FILE, begun, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
-from flexarm_ident.reading.read import begin_date
 from flexarm_ident.records.span import EVERYTHING, Span
 from flexarm_ident.series.parquet import require_parquet, write_parquet
 from flexarm_ident.series.rows import Row, model_cells, read_rows, write_rows
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_core.arrays import Progress
-    from flexarm_ident.reading.channels import Selection
+    from flexarm_ident.job import Chosen
     from flexarm_ident.workflow.request import Request
 
 TABLE_FILE = "models.csv"
@@ -63,7 +62,7 @@ class _Task:
     bag: Path
     folder: Path
     request: Request
-    channels: Selection | None
+    channels: Chosen
     span: Span
     exports: tuple[str, ...]
     force: bool
@@ -75,8 +74,7 @@ def identify_each(
     folder: Path,
     request: Request,
     *,
-    names: Sequence[str] = (),
-    channels: Selection | None = None,
+    channels: Chosen = None,
     span: Span = EVERYTHING,
     exports: Sequence[str] = (),
     force: bool = False,
@@ -97,8 +95,6 @@ def identify_each(
     folder : Path
         Folder of the results: `models.csv`, `trend.svg`, `index.html`, and a folder per bag with
         what `job.identify_bags` writes. Rows of other bags in its table stay.
-    names : sequence of str
-        Names of the bags in the table and in its messages. None: their paths.
     request, channels, span, exports, force
         As in `job.identify_bags`, the same for all.
     parquet : bool
@@ -117,7 +113,7 @@ def identify_each(
     OutputError
         If the folder cannot be written, or has a picture or a page of somebody else.
     """
-    names = names or list(map(str, bags))
+    names = list(map(str, bags))
     places = _places(names)
     require_place([folder / TREND_FILE, folder / PAGE_FILE], force=force)
     table = folder / TABLE_FILE
@@ -172,12 +168,12 @@ def _row(task: _Task) -> tuple[Row, bool]:
     """Return the row of a bag, in a worker: the known one, that of a new model, or of a failure."""
     cells: dict[str, str] = {}
     try:
-        begun = begin_date(task.bag)
+        since = begun(task.bag)
         record = read_record(task.bag, task.request, task.channels, task.span)
         record_sha256, request_sha256 = record_hash(record), _request_hash(task)
         if task.known is not None and task.known.is_of(record_sha256, request_sha256):
             return task.known, True
-        cells |= {"begun": begun, "record_sha256": record_sha256}
+        cells |= {"begun": since, "record_sha256": record_sha256}
         cells |= {"request_sha256": request_sha256}
         outcome = run([record], task.request)
         name = model_name(task.bag)
@@ -188,7 +184,7 @@ def _row(task: _Task) -> tuple[Row, bool]:
             name=name,
             exports=task.exports,
             force=task.force,
-            begun=begun,
+            begun=since,
         )
         cells |= model_cells(outcome)
     except (FlexarmError, OSError) as error:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_ident.importing.csv_columns import named_columns, unused_time
+from flexarm_ident.importing.csv_columns import TableColumns, named_columns, unused_time
 from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from flexarm_ident.importing.csv_table import column_names
@@ -30,13 +30,13 @@ def table(folder: Path, header: str) -> Path:
     ],
 )
 def test_named_columns__usual_name_of_the_time___is_taken(tmp_path: Path, time: str) -> None:
-    found = named_columns(table(tmp_path, f"{time},i,q,temperature"), ["i"], ["q"])
+    found = named_columns(table(tmp_path, f"{time},i,q,temperature"), TableColumns(("i",), ("q",)))
     assert found == CsvMap((CsvChannel("i", "i"),), (CsvChannel("q", "q"),), time=time)
 
 
 def test_named_columns__other_name___is_that_in_the_bag(tmp_path: Path) -> None:
     path = table(tmp_path, "t,i=0,q,tau")
-    found = named_columns(path, ["drive_v=tau", "i=0"], ["angle_v=q"])
+    found = named_columns(path, TableColumns(("drive_v=tau", "i=0"), ("angle_v=q",)))
     assert found.inputs == (CsvChannel("tau", "drive_v"), CsvChannel("i=0", "i=0"))
     assert found.outputs == (CsvChannel("q", "angle_v"),)
 
@@ -67,7 +67,7 @@ def test_named_columns__what_tells_no_record___is_refused(
     tmp_path: Path, header: str, inputs: list[str], outputs: list[str], words: str
 ) -> None:
     with pytest.raises(CsvImportError, match=words):
-        named_columns(table(tmp_path, header), inputs, outputs)
+        named_columns(table(tmp_path, header), TableColumns(tuple(inputs), tuple(outputs)))
 
 
 def test_column_names__data_frame_without_names___are_its_counted_columns(tmp_path: Path) -> None:
@@ -76,7 +76,7 @@ def test_column_names__data_frame_without_names___are_its_counted_columns(tmp_pa
 
 def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:
     with pytest.raises(CsvImportError, match=r"run\.csv: cannot be read as CSV"):
-        named_columns(tmp_path / "run.csv", ["i"], ["q"])
+        named_columns(tmp_path / "run.csv", TableColumns(("i",), ("q",)))
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,10 @@ import pytest
 from flexarm_bags.reader import opened
 from flexarm_ident import read_bag
 from flexarm_ident.importing.csv_clock import clock_s, is_clock
-from flexarm_ident.importing.csv_columns import named_columns
+from flexarm_ident.importing.csv_columns import TableColumns, named_columns
 from flexarm_ident.importing.csv_import import import_csv
 from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_record import read_csv
 from support.bag_samples import typestore
 
 if TYPE_CHECKING:
@@ -274,9 +275,15 @@ def imported(
     file = folder / "run.csv"
     file.write_bytes(text.encode() if isinstance(text, str) else text)
     u, *y = names.split()
-    mapping = named_columns(file, [u], y, times)
-    made = import_csv(file, mapping, folder / "bag", typestore=typestore(), kept=False)
-    return made, read_bag(folder / "bag")
+    columns = TableColumns((u,), tuple(y), tuple(times))
+    mapping = named_columns(file, columns)
+    made = import_csv(file, mapping, folder / "bag", typestore=typestore())
+    record, kept = read_csv(file, mapping), read_bag(folder / "bag")
+    # The bag of an import is the same record.
+    for name in ("u", "y", "dt_s", "inputs", "outputs", "missing", "input_held", "closed_loop"):
+        np.testing.assert_array_equal(getattr(record, name), getattr(kept, name))
+    assert made.notes == tuple(each.text for each in record.notices if each.code == "table")
+    return made, record
 
 
 def expect_arrays(record: IoData, rate_hz: float = RATE_HZ, rows: int = ROWS) -> None:
@@ -384,7 +391,7 @@ def test_times___that_are_hardly_seconds___are_asked_about(
 def test_times___of_motors_below_half_a_hertz___are_asked_about(tmp_path: Path) -> None:
     text = joined("t,motor current,angle_deg,y2\n", ",", cells(lambda k: f"{5 * k}"))
     (tmp_path / "run.csv").write_text(text)
-    mapping = named_columns(tmp_path / "run.csv", ["motor current"], ["angle_deg"])
+    mapping = named_columns(tmp_path / "run.csv", TableColumns(("motor current",), ("angle_deg",)))
     with pytest.raises(CsvImportError, match=r"column t gives 0\.2 Hz .* are they in ms\?"):
         import_csv(tmp_path / "run.csv", mapping, tmp_path / "bag", typestore=typestore())
 
@@ -393,7 +400,7 @@ def test_times___of_motors_below_half_a_hertz___are_asked_about(tmp_path: Path) 
 def test_times___of_slow_plants___are_taken(tmp_path: Path, step_s: float) -> None:
     head = "t,heater_power,tank_temp,y2\n"
     (tmp_path / "run.csv").write_text(joined(head, ",", cells(lambda k: f"{step_s * k}")))
-    mapping = named_columns(tmp_path / "run.csv", ["heater_power"], ["tank_temp"])
+    mapping = named_columns(tmp_path / "run.csv", TableColumns(("heater_power",), ("tank_temp",)))
     made = import_csv(tmp_path / "run.csv", mapping, tmp_path / "bag", typestore=typestore())
     assert made.rate_hz == pytest.approx(1.0 / step_s)
     assert made.notes == ()

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_ident.importing.csv_import import CsvRecord, import_csv
+from flexarm_ident.importing.csv_import import import_csv
 from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
-from flexarm_ident.importing.csv_times import Sampling
+from flexarm_ident.importing.csv_record import read_csv
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
 
@@ -127,14 +127,6 @@ def test_gap_about_five_periods___is_a_hole_of_any_length_from_five_on(
             imported(tmp_path, lines(times_s))
 
 
-def test_record___with_a_hole___ends_with_its_last_row() -> None:
-    values = np.array([[1.0], [2.0], [5.0]])
-    record = CsvRecord(values, 10.0 * values, Sampling(100.0, np.array([0, 1, 4])))
-    u, y = record.even()
-    np.testing.assert_array_equal(u[:, 0], [1.0, 2.0, 2.0, 2.0, 5.0])
-    np.testing.assert_array_equal(y[:, 0], [10.0, 20.0, np.nan, np.nan, 50.0])
-
-
 def test_rows_at_few_digits_of_time___keep_their_places_behind_a_long_hole(tmp_path: Path) -> None:
     # Steps of 3.3 and 3.4 ms in print: the usual one would count 2727 periods in the hole.
     places = np.concatenate([np.arange(3000), np.arange(5700, 8700)])
@@ -181,22 +173,15 @@ def test_missing_input___is_refused_with_two_ways_out_where_rows_have_no_time(
         imported(tmp_path, ["0,1,2,3", "1,NA,2,3", "2,1,2,3"])
 
 
-def test_even_rows___are_those_of_the_bag(tmp_path: Path) -> None:
+def test_read_csv___with_holes___is_the_record_of_the_bag(tmp_path: Path) -> None:
     rows = lines(0.01 * np.arange(ROWS))
     rows[20] = rows[20].rpartition(",")[0]
-    seen = []
-
-    def judged(record: object) -> bool:
-        seen.append(record.even())  # type: ignore[attr-defined]
-        return True
-
-    (tmp_path / "run.csv").write_text("\n".join(["t,u,p,q", *rows[:30], *rows[33:]]))
-    import_csv(tmp_path / "run.csv", MAP, tmp_path / "bag", typestore=typestore(), judged=judged)
-    record = read_bag(tmp_path / "bag")
-    ((u, y),) = seen
-    assert record.closed_loop is True
-    np.testing.assert_array_equal(u, record.u)
-    np.testing.assert_array_equal(y, record.y_measured)
+    imported(tmp_path, [*rows[:30], *rows[33:]])
+    record, kept = read_csv(tmp_path / "run.csv", MAP), read_bag(tmp_path / "bag")
+    assert record.input_held is not None
+    assert np.flatnonzero(record.input_held).tolist() == [20, 30, 31, 32]
+    np.testing.assert_array_equal(record.u, kept.u)
+    np.testing.assert_array_equal(record.y_measured, kept.y_measured)
 
 
 @pytest.mark.parametrize("blank", [",,,", " , ,,", ""])

@@ -8,7 +8,7 @@ import pytest
 
 from flexarm_bags.writer import RecordingError
 from flexarm_core.bounds import BoundError
-from flexarm_ident.importing import csv_import
+from flexarm_ident.importing import csv_record
 from flexarm_ident.importing.csv_import import import_csv
 from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
@@ -73,7 +73,7 @@ def test_import___longer_than_stamps_can_show___is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Two million rows take long to read.
-    monkeypatch.setattr(csv_import, "_LATEST_S", 1500)
+    monkeypatch.setattr(csv_record, "_LATEST_S", 1500)
     file = csv_file(tmp_path, ["i,q", "1,2", "1,2", "1,2"])
     mapping = CsvMap(ONE_IN_ONE_OUT.inputs, ONE_IN_ONE_OUT.outputs, rate_hz=1e-3)
     with pytest.raises(CsvImportError, match=r"3 rows at 0\.001 Hz last longer than 1500 s"):

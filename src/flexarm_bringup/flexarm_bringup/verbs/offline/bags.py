@@ -11,7 +11,6 @@ import click
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.verbs.offline.csv_bags import imported
 from flexarm_core.labels import counted
 
 if TYPE_CHECKING:
@@ -35,7 +34,15 @@ _NEW_BAG = click.option(
 @examples("import run.csv --map columns.yaml -o bags/run")
 def import_(csv: Path, map_file: Path, output: Path) -> None:
     """Turn a CSV file with named columns into a bag."""
-    made = imported(csv, map_file, output)
+    # They load numpy and rosbags.
+    from flexarm_bags.schema import own_types, share_of  # noqa: PLC0415
+    from flexarm_ident.importing.csv_import import import_csv  # noqa: PLC0415
+    from flexarm_ident.importing.csv_map import load_csv_map  # noqa: PLC0415
+
+    mapping = load_csv_map(map_file)
+    made = import_csv(csv, mapping, output, typestore=own_types(), folder_of=share_of)
+    for text in made.notes:
+        terminal.note(f"{csv}: {text}")
     click.echo(
         f"{made.bag}: {made.samples} samples at {made.rate_hz:g} Hz, {made.duration_s:.2f} s"
     )

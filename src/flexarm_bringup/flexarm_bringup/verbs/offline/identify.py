@@ -18,7 +18,7 @@ from flexarm_bringup.verbs.offline.channel_options import (
     taken_channels,
     taken_span,
 )
-from flexarm_bringup.verbs.offline.csv_bags import as_bags, taken_columns
+from flexarm_bringup.verbs.offline.csv_columns import taken_columns
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_ident import job
 from flexarm_ident.diagnostics.verdict import Level
@@ -225,47 +225,46 @@ def identify(
         raise click.UsageError("--output-only takes no --input and no --map: leave one of them out")
     columns = taken_columns(bags, map_file, options)
     exports, span = parse_exports(export), taken_span(options)
-    channels = taken_channels(options, bags[0])
+    channels = taken_channels(options, bags[0]) or columns
     if output_only and Request(**options) != Request():
         raise click.UsageError("--output-only makes no model: leave out the options of one")
     if not each and (jobs is not None or dask or parquet):
         raise click.UsageError("--jobs, --dask and --parquet belong to --each")
-    with as_bags(bags, columns) as records:
-        if output_only:
-            # It loads the shapers.
-            from flexarm_bringup.verbs.offline.output_only import show_modes  # noqa: PLC0415
+    if output_only:
+        # It loads the shapers.
+        from flexarm_bringup.verbs.offline.output_only import show_modes  # noqa: PLC0415
 
-            show_modes(records, out, channels=channels, span=span, force=force)
-            return
-        if each:
-            # They load matplotlib and joblib.
-            from flexarm_bringup.verbs.offline.series import model_each  # noqa: PLC0415
-            from flexarm_core.workers import Workers  # noqa: PLC0415
+        show_modes(bags, out, channels=channels, span=span, force=force)
+        return
+    if each:
+        # They load matplotlib and joblib.
+        from flexarm_bringup.verbs.offline.series import model_each  # noqa: PLC0415
+        from flexarm_core.workers import Workers  # noqa: PLC0415
 
-            model_each(
-                records,
-                out,
-                Request(**options),
-                channels=channels,
-                span=span,
-                exports=exports,
-                force=force,
-                parquet=parquet,
-                workers=Workers(jobs or -1, dask),
-            )
-            return
-        former = job.model_in(out)
-        with terminal.progress() as show:
-            results = job.identify_bags(
-                tuple(records),
-                out,
-                Request(**options),
-                channels=channels,
-                span=span,
-                exports=exports,
-                force=force,
-                progress=show,
-            )
+        model_each(
+            bags,
+            out,
+            Request(**options),
+            channels=channels,
+            span=span,
+            exports=exports,
+            force=force,
+            parquet=parquet,
+            workers=Workers(jobs or -1, dask),
+        )
+        return
+    former = job.model_in(out)
+    with terminal.progress() as show:
+        results = job.identify_bags(
+            bags,
+            out,
+            Request(**options),
+            channels=channels,
+            span=span,
+            exports=exports,
+            force=force,
+            progress=show,
+        )
     replaced = f", in place of those of {former}" if former not in {"", results.name} else ""
     _show(results, f"results in {out}{replaced}")
     terminal.next_step(_after(results, out))
@@ -312,13 +311,13 @@ def report(
     if out.suffix.lower() not in _PAGES:
         raise click.UsageError(f"-o {out}: the report is one page: {out.with_suffix('.html')}")
     columns = taken_columns(bags, map_file, options)
-    channels, span = taken_channels(options, bags[0]), taken_span(options)
-    with as_bags(bags, columns) as records, terminal.progress() as show:
-        if len(records) > 1:
+    channels, span = taken_channels(options, bags[0]) or columns, taken_span(options)
+    with terminal.progress() as show:
+        if len(bags) > 1:
             from flexarm_ident.series.comparison import compare_files  # noqa: PLC0415 - a rare way
 
             lines = compare_files(
-                tuple(records),
+                bags,
                 out,
                 Request(**options),
                 channels=channels,
@@ -330,7 +329,7 @@ def report(
                 terminal.CONSOLE.print(line)
             return
         results = job.report_bags(
-            tuple(records),
+            bags,
             out,
             Request(**options),
             channels=channels,

@@ -23,8 +23,7 @@ from flexarm_control.shaping.shapers import Vibration
 from flexarm_core.labels import counted, label_and_unit, with_deviation
 from flexarm_core.outputs import MARK_KEY, require_place
 from flexarm_ident.estimation.output_only import OutputMode, OutputModes, identify_modes
-from flexarm_ident.job import REPORT_FILE, model_name
-from flexarm_ident.reading.read import read_bag, read_channels
+from flexarm_ident.job import REPORT_FILE, model_name, read_whole
 from flexarm_ident.report.content.blocks import Block, Code, Plots, Table, Words
 from flexarm_ident.report.page import render_page
 from flexarm_ident.report.plots import marks
@@ -32,12 +31,12 @@ from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Panel, View, chart
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from rich.table import Table as TerminalTable
 
-    from flexarm_ident.reading.channels import Selection
+    from flexarm_ident.job import Chosen
     from flexarm_ident.records.span import Span
 
 MODES_FILE = "modes.json"
@@ -75,10 +74,10 @@ class Shaped(NamedTuple):
 
 
 def show_modes(
-    bags: Mapping[Path, str],
+    bags: Sequence[Path],
     out: Path,
     *,
-    channels: Selection | None,
+    channels: Chosen,
     span: Span,
     force: bool,
 ) -> None:
@@ -86,10 +85,7 @@ def show_modes(
     files = out / MODES_FILE, out / REPORT_FILE
     require_place(files, force=force)
     with terminal.busy("modes from outputs alone"):
-        records = [
-            span.of(read_bag(bag) if channels is None else read_channels(bag, channels))
-            for bag in bags
-        ]
+        records = [read_whole(bag, channels, span) for bag in bags]
         found = identify_modes(records)
         shaped = [each for output in found.outputs if (each := _shaped(found, output))]
     terminal.step(_verdict(found))
@@ -107,7 +103,7 @@ def show_modes(
         for notice in record.notices:
             terminal.note(f"{notice.grade}: {notice}")
     out.mkdir(parents=True, exist_ok=True)
-    name = model_name(next(iter(bags)))
+    name = model_name(bags[0])
     files[0].write_text(json.dumps(_summary(found, shaped), indent=2) + "\n", "utf-8")
     files[1].write_text(_page(name, found, shaped, head, rows), "utf-8")
     terminal.CONSOLE.print(f"results in {out}")

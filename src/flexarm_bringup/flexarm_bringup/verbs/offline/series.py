@@ -13,22 +13,22 @@ from flexarm_ident.series.run import PAGE_FILE, TABLE_FILE, identify_each
 from flexarm_ident.series.trend import FIGURES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from flexarm_core.workers import Workers
-    from flexarm_ident.reading.channels import Selection
+    from flexarm_ident.job import Chosen
     from flexarm_ident.records.span import Span
     from flexarm_ident.series.rows import Row
     from flexarm_ident.workflow.request import Request
 
 
 def model_each(
-    bags: Mapping[Path, str],
+    bags: Sequence[Path],
     out: Path,
     request: Request,
     *,
-    channels: Selection | None,
+    channels: Chosen,
     span: Span,
     exports: Sequence[str],
     force: bool,
@@ -38,10 +38,9 @@ def model_each(
     """Identify one model per bag and print them by name; exit code 1 when a bag has none."""
     with terminal.progress() as show:
         series = identify_each(
-            list(bags),
+            bags,
             out,
             request,
-            names=list(bags.values()),
             channels=channels,
             span=span,
             exports=exports,

@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 from flexarm_bringup.cli import main
-from flexarm_bringup.verbs.offline.csv_bags import Columns, as_bags, taken_columns
-from flexarm_core.errors import DataError
-from flexarm_ident import read_bag
-from flexarm_ident.records.naming import short_names
+from flexarm_bringup.verbs.offline.csv_columns import taken_columns
+from flexarm_ident.importing.csv_columns import TableColumns
+from flexarm_ident.importing.csv_map import load_csv_map
+from flexarm_ident.job import read_whole
 
 MAP = "time: t\ninputs: [{column: u, name: drive_v}]\noutputs: [{column: y, name: angle_v}]\n"
 
@@ -32,22 +32,6 @@ def table(path: Path, separator: str = ",", *, samples: int = 50) -> Path:
     return path
 
 
-def test_csv___beside_a_bag___is_a_bag_of_its_name_while_it_is_read(
-    tmp_path: Path, columns: Path
-) -> None:
-    tables = [table(tmp_path / folder / "run.csv") for folder in ("a", "b")]
-    with as_bags([*tables, tmp_path / "bag"], columns) as found:
-        assert list(found.values()) == [*map(str, tables), str(tmp_path / "bag")]
-        first, second, third = found
-        assert third == tmp_path / "bag"
-        # The shortest names that tell them apart, as notes have them.
-        assert list(short_names([str(first), str(second)]).values()) == ["a/run", "b/run"]
-        record = read_bag(first)
-        assert np.allclose(record.y[:, 0], 2.0 * np.arange(len(record)))
-        assert record.label == str(first)
-    assert not first.exists()
-
-
 @pytest.mark.parametrize("again", ["run.csv", "./run.csv", "bag", "link"])
 def test_path___that_is_named_twice___is_refused(
     tmp_path: Path, columns: Path, monkeypatch: pytest.MonkeyPatch, again: str
@@ -56,24 +40,9 @@ def test_path___that_is_named_twice___is_refused(
     table(Path("run.csv"))
     Path("link").symlink_to("bag")
     paths = [Path("run.csv"), Path("bag"), Path(again)]
-    with (
-        pytest.raises(click.UsageError, match=rf"^{Path(again)} is named twice, and would count"),
-        as_bags(paths, columns),
-    ):
-        pass
-
-
-def test_error_about_a_csv___names_the_file(tmp_path: Path, columns: Path) -> None:
-    path = table(tmp_path / "run.csv")
-
-    def fail() -> None:
-        with as_bags([path], columns) as found:
-            record = read_bag(next(iter(found)))
-            raise DataError(f"{record.label}: {len(record)} samples are too few")
-
-    with pytest.raises(DataError) as caught:
-        fail()
-    assert str(caught.value) == f"{path}: 50 samples are too few"
+    told = rf"^{Path(again)} is named twice, and would count"
+    with pytest.raises(click.UsageError, match=told):
+        taken_columns(paths, columns, {"inputs": (), "outputs": ()})
 
 
 def test_each___of_csv_files___has_them_by_their_names_and_knows_them_again(
@@ -96,11 +65,8 @@ def test_each___of_csv_files___has_them_by_their_names_and_knows_them_again(
 
 def test_csv___without_a_map___is_told_what_is_missing(tmp_path: Path) -> None:
     told = r"run\.csv is a CSV file: .*--input COLUMN .*--map FILE; columns: t, u, y"
-    with (
-        pytest.raises(click.UsageError, match=told),
-        as_bags([table(tmp_path / "run.csv")], None),
-    ):
-        pass
+    with pytest.raises(click.UsageError, match=told):
+        taken_columns([table(tmp_path / "run.csv")], None, {"inputs": (), "outputs": ()})
 
 
 def loop(path: Path, *, closed: bool) -> Path:
@@ -118,22 +84,21 @@ def loop(path: Path, *, closed: bool) -> Path:
 
 
 @pytest.mark.parametrize("closed", [False, True])
-def test_csv___with_named_columns___is_a_bag_whose_loop_the_data_tell(
+def test_csv___with_named_columns___is_a_record_whose_loop_the_data_tell(
     tmp_path: Path, *, closed: bool
 ) -> None:
     path = loop(tmp_path / "run.csv", closed=closed)
-    with as_bags([path], Columns(("drive_v=u",), ("y",))) as found:
-        assert [bag.name for bag in found] == ["run"]
-        record = read_bag(next(iter(found)))
-        assert (record.inputs, record.outputs) == (("drive_v",), ("y",))
-        assert record.dt_s == pytest.approx(0.01)
-        assert record.closed_loop is closed
+    record = read_whole(path, TableColumns(("drive_v=u",), ("y",)))
+    assert record.label == str(path)
+    assert (record.inputs, record.outputs) == (("drive_v",), ("y",))
+    assert record.dt_s == pytest.approx(0.01)
+    assert record.closed_loop is closed
 
 
 def test_taken_columns__csv_without_a_map___are_taken_from_the_options(tmp_path: Path) -> None:
     options: dict[str, Any] = {"inputs": ("u",), "outputs": ("y",), "clock": None}
     found = taken_columns([table(tmp_path / "run.csv")], None, options)
-    assert found == Columns(("u",), ("y",))
+    assert found == TableColumns(("u",), ("y",))
     assert options == {"inputs": (), "outputs": (), "clock": None}
 
 
@@ -142,7 +107,7 @@ def test_taken_columns__bags_and_maps___leave_the_options(tmp_path: Path, column
     assert taken_columns([tmp_path / "bag"], None, options) is None
     assert options == {"inputs": ("/a.data",), "outputs": ("/b.data",)}
     none: dict[str, Any] = {"inputs": (), "outputs": ()}
-    assert taken_columns([tmp_path / "run.csv"], columns, none) == columns
+    assert taken_columns([tmp_path / "run.csv"], columns, none) == load_csv_map(columns)
     with pytest.raises(click.UsageError, match="give --map, or --input, --output and --time"):
         taken_columns([tmp_path / "run.csv"], columns, options)
 
@@ -156,8 +121,8 @@ def test_taken_columns__of_a_csv_beside_a_bag___are_refused(tmp_path: Path) -> N
 
 
 def test_map___without_a_csv___is_refused(tmp_path: Path, columns: Path) -> None:
-    with pytest.raises(click.UsageError, match="none is named"), as_bags([tmp_path], columns):
-        pass
+    with pytest.raises(click.UsageError, match="none is named"):
+        taken_columns([tmp_path], columns, {"inputs": (), "outputs": ()})
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t", " ", "|"])
@@ -166,7 +131,6 @@ def test_table___of_any_ending_and_separator___is_read(
     tmp_path: Path, columns: Path, ending: str, separator: str
 ) -> None:
     path = table(tmp_path / f"run.{ending}", separator)
-    with as_bags([path], columns) as found:
-        record = read_bag(next(iter(found)))
-        assert np.allclose(record.y[:, 0], 2.0 * np.arange(50))
-        assert np.allclose(record.u[:, 0], np.arange(50) % 3)
+    record = read_whole(path, load_csv_map(columns))
+    assert np.allclose(record.y[:, 0], 2.0 * np.arange(50))
+    assert np.allclose(record.u[:, 0], np.arange(50) % 3)
