@@ -15,7 +15,7 @@ from flexarm_bringup.verbs.offline.channel_options import (
     taken_channels,
     taken_span,
 )
-from flexarm_bringup.verbs.offline.csv_bags import as_bags, taken_columns
+from flexarm_bringup.verbs.offline.csv_columns import taken_columns
 from flexarm_core.errors import SettingError
 from flexarm_core.outputs import require_place
 
@@ -156,11 +156,10 @@ def _sources(
         return [_read(path) for path in paths]
     _guess(records, options)
     columns = taken_columns(records, None, options)
-    span, channels = taken_span(options), taken_channels(options, records[0])
+    span, channels = taken_span(options), taken_channels(options, records[0]) or columns
     found: dict[Path, Source] = {path: _read(path) for path in paths if _is_model(path)}
-    with as_bags(records, columns) as bags:
-        for path, bag in zip(records, bags, strict=True):
-            found[path] = _identified(path, bag, out, channels, span, force=force)
+    for path in records:
+        found[path] = _identified(path, out, channels, span, force=force)
     return [found[path] for path in paths]
 
 
@@ -195,7 +194,6 @@ def _read(path: Path) -> Source:
 
 def _identified(
     path: Path,
-    bag: Path,
     out: Path,
     channels: Any,  # noqa: ANN401 - a selection, whose module is not for the help
     span: Any,  # noqa: ANN401
@@ -209,7 +207,7 @@ def _identified(
     folder = out / _MODELS_FOLDER / job.model_name(path)
     with terminal.progress() as show:
         results = job.identify_bags(
-            (bag,), folder, Request(), channels=channels, span=span, force=force, progress=show
+            (path,), folder, Request(), channels=channels, span=span, force=force, progress=show
         )
     outcome = results.outcome
     terminal.step(f"{path}: {outcome.verdict}")
