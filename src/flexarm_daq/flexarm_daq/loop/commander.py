@@ -5,13 +5,13 @@ sends one for each sample that it answers. Between two of its commands its own c
 by at least one and at most by the count of the samples. A command that does not fit is not obeyed.
 When the commander in force continues beside it, there are two commanders. When it is silent,
 another sender takes its place. One that does not count would drive with its first command after
-each silence: a command with the number of the last one, and one of a sender whose commands were
-refused, has to be followed by one that counts on from it.
+each silence: a number that came first or last of a reign does not begin another one. Such a
+command, and one of a sender whose commands were refused, has to be followed by one that counts on.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from enum import Enum
 from typing import NamedTuple
 
@@ -44,6 +44,10 @@ class Verdict(Enum):
     """It proves that there are two commanders."""
 
 
+_REMEMBERED = 1000
+"""Numbers that no reign begins with: more than a sender goes through that counts in a circle."""
+
+
 class Commander:
     """Record of the commander in force.
 
@@ -64,11 +68,12 @@ class Commander:
         self._last: Command | None = None
         self._has_rival = False
         self._foreign: Command | None = None
-        self._silent: Command | None = None
+        self._spent: deque[int] = deque(maxlen=_REMEMBERED)
 
     def release(self) -> None:
         """Forget the commander, which is silent."""
-        self._silent = self._last or self._silent
+        if self._last is not None and self._last.sequence not in self._spent:
+            self._spent.append(self._last.sequence)
         self._last = None
         self._has_rival = False
 
@@ -97,6 +102,8 @@ class Commander:
             verdict = Verdict.LATE
         if verdict is Verdict.ACCEPTED:
             self._foreign = None
+            if self._last is None:
+                self._spent.append(command.sequence)
             if self._has_rival:
                 verdict = Verdict.CONFLICT
             self._last = command
@@ -122,11 +129,9 @@ class Commander:
         """Judge a command while there is no commander in force."""
         if command.state_sequence <= self.answered:
             return Verdict.OLD
-        if self._foreign is not None:
-            counts = _counts_on(self._foreign, command)
-        else:
-            counts = self._silent is None or command.sequence != self._silent.sequence
-        return Verdict.ACCEPTED if counts else Verdict.FOREIGN
+        counts = self._foreign is None or _counts_on(self._foreign, command)
+        is_new = command.sequence not in self._spent
+        return Verdict.ACCEPTED if counts and is_new else Verdict.FOREIGN
 
 
 def _counts_on(last: Command, command: Command) -> bool:

@@ -182,6 +182,13 @@ class _Rule:
         self.obeyed = command(-1, 0)
         self.refused: list[Command] = []
         self.is_in_force = False
+        self.ends: set[int] = set()
+        """First and last numbers of all reigns."""
+
+    def silence(self) -> None:
+        if self.is_in_force:
+            self.ends.add(self.obeyed.sequence)
+        self.is_in_force = False
 
     def verdict(self, asked: Command, newest: int) -> Verdict:
         """Return what the rule says of a command that is in time."""
@@ -191,10 +198,9 @@ class _Rule:
             return self._beside(asked)
         if asked.state_sequence <= self.obeyed.state_sequence:
             return Verdict.OLD
-        counts = asked.sequence != self.obeyed.sequence
-        if self.refused:
-            counts = _of_one(self.refused[-1], asked)
-        return Verdict.ACCEPTED if counts else Verdict.FOREIGN
+        is_new = asked.sequence not in self.ends
+        counts = not self.refused or _of_one(self.refused[-1], asked)
+        return Verdict.ACCEPTED if counts and is_new else Verdict.FOREIGN
 
     def _beside(self, asked: Command) -> Verdict:
         if asked.state_sequence == self.obeyed.state_sequence:
@@ -208,6 +214,8 @@ class _Rule:
     def note(self, asked: Command, verdict: Verdict) -> None:
         """Take note of a verdict."""
         if verdict is Verdict.ACCEPTED:
+            if not self.is_in_force:
+                self.ends.add(asked.sequence)
             self.obeyed, self.refused, self.is_in_force = asked, [], True
         if verdict is Verdict.FOREIGN:
             self.refused.append(asked)
@@ -228,7 +236,7 @@ def test_any_commands_silences_and_refusals___are_judged_by_the_rule(
     for event in history:
         if event is RELEASE:
             commander.release()
-            rule.is_in_force = False
+            rule.silence()
             continue
         number, samples, in_time = event
         sample += samples
@@ -281,3 +289,35 @@ def test_two_silences_in_a_row___the_same_number___is_not_obeyed_again() -> None
     commander.release()
     commander.release()
     assert commander.judge(command(7, 10), NEWEST) is Verdict.FOREIGN
+
+
+@pytest.mark.parametrize("circle", [(5, 6), (6, 5), (1, 2, 3), (9, 4, 7, 4)])
+@pytest.mark.parametrize("silences", [1, 2])
+def test_numbers_in_a_circle___with_silences_between___are_obeyed_once_each(
+    circle: tuple[int, ...], silences: int
+) -> None:
+    commander, obeyed = Commander(), []
+    for sample in range(1, 400):
+        number = circle[sample % len(circle)]
+        if commander.judge(command(number, 3 * sample), 3 * sample) is Verdict.ACCEPTED:
+            obeyed.append(number)
+        for _ in range(silences):
+            commander.release()
+    assert sorted(obeyed) == sorted(set(obeyed))
+
+
+@given(st.lists(st.integers(1, 50), min_size=1, max_size=20))
+def test_commander_started_again_and_again___is_obeyed_a_command_later_each_time_at_most(
+    lengths: list[int],
+) -> None:
+    commander, sample = Commander(), 0
+    for starts, length in enumerate(lengths):
+        verdicts = []
+        for number in range(1, length + 1):
+            sample += 1
+            verdicts.append(commander.judge(command(number, sample), sample))
+        commander.release()
+        refused = verdicts.count(Verdict.FOREIGN)
+        assert verdicts == [Verdict.FOREIGN] * refused + [Verdict.ACCEPTED] * (length - refused)
+        # The first and the last number of each reign before it.
+        assert refused <= 2 * starts
