@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import control
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from scipy.linalg import solve_discrete_are
 
 from flexarm_control import build_law, step_figures
 from flexarm_control.design.regulator_margins import RegulatorLoop
+from flexarm_control.laws import ilqr, lqg
 from flexarm_control.laws.ilqr import Ilqr
 from flexarm_control.laws.law_protocol import Effort, hearing
 from flexarm_control.laws.lqg import LqgWeights, design_lqg, packaged_designs
@@ -20,6 +23,11 @@ from flexarm_control.models.nominal_models import identified_model, rig_model
 from flexarm_control.simulation import simulate, simulate_loop
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flexarm_core.arrays import FloatArray
 
 WEIGHTS = LqgWeights(
     position=2.0, strain=0.1, speed=0.7, effort=0.4, disturbance_v=0.5, drift_v=0.02
@@ -153,6 +161,29 @@ def test_command_that_the_gate_cuts___is_heard_of(
     run = simulate(rig, law, np.full(1500, 3.0), acting_v=acting_v)
 
     assert step_figures(run.time_s, run.y[:, 0], 3.0).overshoot < 0.06
+
+
+@pytest.mark.parametrize(("name", "apart_v"), [("lqg", 1e-9), ("ilqr", 0.02)])
+@pytest.mark.parametrize("payload_kg", [0.0, 0.1, 0.4])
+def test_law_behind_a_gate___moves_the_arm_as_one_that_knows_the_limit(
+    name: str, apart_v: float, payload_kg: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sum of errors hears of a cut a sample later, and an observer of all of it in time."""
+    limit_v = 2.0
+
+    def within(effort_v: float, compensation_v: float = 0.0) -> Effort:
+        command_v = min(limit_v, max(-limit_v, effort_v + compensation_v))
+        return Effort(command_v - compensation_v, compensation_v)
+
+    def moved(acting_v: Callable[[Effort], float]) -> FloatArray:
+        rig = SimulatedRig(RigParameters(payload_kg=payload_kg), seed=1)
+        return simulate(rig, build_law(name), np.full(900, 3.0), acting_v=acting_v).y[:, 0]
+
+    behind_v = moved(lambda answer: sum(within(*answer)))
+    for module in (lqg, ilqr):
+        monkeypatch.setattr(module, "limited", within)
+
+    np.testing.assert_allclose(behind_v, moved(sum), atol=apart_v)
 
 
 def test_effort_that_was_not_sent___is_heard_by_every_observer() -> None:
