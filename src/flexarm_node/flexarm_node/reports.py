@@ -102,5 +102,6 @@ class Reporter:
         name = self._node.get_fully_qualified_name()
         hardware_id = f"{self._node.get_namespace()} {rig}".strip()
         wall = entries({"wall clock s": stamp_text(time.time_ns())})
-        report = report._replace(entries=[*report.entries, *wall])
+        # `_replace` would leave a tuple more in the interpreter's store each time.
+        report = Report(report.level, report.message, [*report.entries, *wall])
         self._publisher.publish(report_bytes(report, name, hardware_id, now_ns))

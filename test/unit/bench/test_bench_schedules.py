@@ -114,27 +114,25 @@ def test_commander___that_forgets_a_silence_at_the_next_one___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def release(self: Commander) -> None:
-        self._silent, self._last, self._has_rival = self._last, None, False
+        self._spent.clear()
+        if self._last is not None:
+            self._spent.append(self._last.sequence)
+        self._last, self._has_rival = None, False
 
     monkeypatch.setattr(Commander, "release", release)
     assert found(range(20, 21), "is obeyed again with number") <= MOST_EVENTS
 
 
-def test_commander___that_obeys_a_refused_number_for_ever___is_found(
+def test_commander___that_obeys_a_number_again___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     judge = Commander.judge
 
-    def keep_foreign(
-        self: Commander, command: Command, newest: int, *, in_time: bool = True
-    ) -> Verdict:
-        foreign, is_first = self._foreign, self._last is None
-        verdict = judge(self, command, newest, in_time=in_time)
-        if is_first and verdict is Verdict.ACCEPTED:
-            self._foreign = foreign
-        return verdict
+    def forget(self: Commander, command: Command, newest: int, *, in_time: bool = True) -> Verdict:
+        self._spent.clear()
+        return judge(self, command, newest, in_time=in_time)
 
-    monkeypatch.setattr(Commander, "judge", keep_foreign)
+    monkeypatch.setattr(Commander, "judge", forget)
     assert found(range(8, 9), "is obeyed again with number") <= MOST_EVENTS
 
 

@@ -244,6 +244,10 @@ class NodeProcesses:
         """Return the CPU time that each has used, by the name of its executable."""
         return {_name(each): process_cpu_s(each.pid) for each in self._processes}
 
+    def memory_kb(self) -> dict[str, int]:
+        """Return the memory that each has taken for itself, kB, by the name of its executable."""
+        return {_name(each): _own_kb(each.pid) for each in self._processes}
+
     def _printed(self) -> list[str]:
         """Return what these processes have printed: the log may have older lines before."""
         return (
@@ -295,6 +299,11 @@ def process_cpu_s(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     user, system = fields[11:13]
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+def _own_kb(pid: int) -> int:
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("Anonymous:"))
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import astuple, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger
@@ -218,8 +218,13 @@ class DaqNode(LoopNode):
         }
         yield {"commanders": ", ".join(self._link.commanders())}
         for name, window in (("late", acquisition.late_s), ("reply", acquisition.reply_s)):
-            figures = zip(("p50", "p99", "p999", "max"), astuple(window.percentiles()), strict=True)
-            yield {f"{name} {figure} ms": f"{1e3 * value_s:.3f}" for figure, value_s in figures}
+            told = window.percentiles()
+            yield {
+                f"{name} p50 ms": f"{1e3 * told.p50:.3f}",
+                f"{name} p99 ms": f"{1e3 * told.p99:.3f}",
+                f"{name} p999 ms": f"{1e3 * told.p999:.3f}",
+                f"{name} max ms": f"{1e3 * told.maximum:.3f}",
+            }
             yield {f"{name} histogram": " ".join(map(str, window.histogram()))}
 
     def _accept(self, values: Mapping[str, Any]) -> None:

@@ -104,7 +104,11 @@ _BENCHES = (
         "Picture of the top of a report",
         ("out/identify/report.html -o docs/images/report.png --force",),
     ),
-    ("endurance", "Ten minutes of recording at 500 Hz with a busy core", ()),
+    (
+        "endurance",
+        "Ten minutes of recording with a busy core, or hours of memory",
+        ("--hours 3 --page",),
+    ),
 )
 
 
