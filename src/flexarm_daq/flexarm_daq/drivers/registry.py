@@ -18,6 +18,8 @@ from flexarm_daq.drivers.mujoco.arm import MujocoSettings
 from flexarm_daq.drivers.mujoco.rig import MujocoRig
 from flexarm_daq.drivers.serial.rig import SerialRig, SerialSettings
 from flexarm_daq.drivers.settings import require_count, settings_of
+from flexarm_daq.drivers.topics.inbox import TopicsSettings
+from flexarm_daq.drivers.topics.rig import TopicsRig
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_protocol import METHODS
@@ -57,11 +59,18 @@ def _serial(rig: RigDescription, _: Path) -> Rig:
     return SerialRig(settings)
 
 
+def _topics(rig: RigDescription, _: Path) -> Rig:
+    settings = settings_of(TopicsSettings, rig)
+    require_count("outputs", settings.outputs, rig.output_names)
+    return TopicsRig(settings, len(rig.inputs))
+
+
 DRIVERS: Final[dict[str, Callable[[RigDescription, Path], Rig]]] = {
     "simulated": _simulated,
     "nidaq": _nidaq,
     "mujoco": _mujoco,
     "serial": _serial,
+    "topics": _topics,
 }
 """Drivers that come with flexarm."""
 

@@ -1,0 +1,106 @@
+"""A robot of ROS 2 in a process of its own, driven by the driver `topics`."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections import deque
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from flexarm_daq.drivers.topics.inbox import TopicsSettings
+from flexarm_daq.drivers.topics.rig import TopicsRig
+from flexarm_daq.rigs.rig_protocol import RigError
+from support.system_graph import claim_domain
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = [pytest.mark.system, pytest.mark.slow]
+
+# A busy machine holds the robot back.
+SETTINGS = TopicsSettings(
+    "/effort_controller/commands",
+    ("position:shoulder", "velocity:shoulder", "position:elbow", "imu:/tip/imu:angular_velocity.z"),
+    stale_s=5.0,
+)
+
+
+@pytest.fixture
+def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    number, claim = claim_domain()
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    yield
+    os.close(claim)
+
+
+@pytest.fixture
+def robot(domain: None) -> Iterator[subprocess.Popen[str]]:
+    del domain
+    process = subprocess.Popen(
+        [sys.executable, "-m", "support.robot"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert told(process) == "ready"
+    yield process
+    process.kill()
+    process.wait()
+
+
+def told(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+@contextmanager
+def opened() -> Iterator[TopicsRig]:
+    rig = TopicsRig(SETTINGS, 2)
+    rig.open()
+    try:
+        yield rig
+    finally:
+        rig.close()
+
+
+def test_robot___controlled_by_its_topics___turns_to_the_goal(
+    robot: subprocess.Popen[str],
+) -> None:
+    with opened() as rig:
+        readings = np.zeros(4)
+        time_s = 0.0
+        while time_s < 3.0:
+            time_s, readings = rig.read()
+            rig.write([2.0 * (0.5 - readings[0]) - 0.5 * readings[1], 0.0])
+            # The elbow is not commanded, so that the tip turns with the shoulder.
+            assert readings[2] == pytest.approx(0.0, abs=1e-9)
+        assert readings[0] == pytest.approx(0.5, abs=0.02)
+        assert told(robot) == "driven"
+    assert told(robot) == "zero"
+
+
+def test_robot___stopped___ends_the_run_with_zero_on_its_way(
+    robot: subprocess.Popen[str],
+) -> None:
+    with opened() as rig:
+        rig.read()
+        rig.write([0.1, 0.1])
+        assert told(robot) == "driven"
+        os.kill(robot.pid, signal.SIGSTOP)
+        with pytest.raises(RigError, match=r"no joint states on /joint_states within 5 s"):
+            deque(iter(rig.read, None), maxlen=0)
+        os.kill(robot.pid, signal.SIGCONT)
+        assert told(robot) == "zero"
+
+
+def test_robot___that_is_not_there___is_told(domain: None) -> None:
+    del domain
+    with pytest.raises(RigError, match="nobody reads /effort_controller/commands"):
+        TopicsRig(SETTINGS, 2).open()
