@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import faulthandler
+import fcntl
 import gc
 import os
 import resource
@@ -20,7 +21,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from flexarm_core.errors import SettingError
+from flexarm_core.errors import FlexarmError, SettingError
+from flexarm_core.own_files import private_folder
 from flexarm_node.command_line import own_words, refuse_words
 from flexarm_node.parameter_files import wrong_words
 from flexarm_node.transport import set_up_middleware
@@ -43,6 +45,9 @@ PRIORITY = "FLEXARM_PRIORITY"
 
 The recorder takes the one below."""
 _DEFAULT_PRIORITY = "20"
+_NODES_A_CORE = 2
+# Places in /proc/PID/stat, behind the name.
+_PRIORITY_AT, _POLICY_AT = 37, 38
 # It may end while this process loads what it needs.
 _PARENT = os.getppid()
 DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
@@ -122,7 +127,7 @@ def run(
         _lock_memory()
     elif keeps_up:
         # Where it is not permitted, the nodes with a loop say so.
-        with suppress(PermissionError):
+        with suppress(OSError, FlexarmError):
             _take_priority(_priority() - 1)
     parent = _followed()
     if _is_lost(parent) or not _let_in():
@@ -255,14 +260,24 @@ def _let_in() -> bool:
 
 
 def prefer_realtime() -> None:
-    """Take real-time priority where permitted; call it before the middleware makes its threads."""
+    """Take real-time priority where permitted; call it before the middleware makes its threads.
+
+    Others may have it already, two a core: it is left to them, or several arms would leave nothing
+    of the machine to whom wants to stop them.
+    """
     try:
-        _take_priority(_priority())
-    except PermissionError:
+        has_share = _take_priority(_priority())
+    except (OSError, FlexarmError):
         _say(
             f"no real-time priority, so a busy machine makes samples late: permit it with "
             f"`ulimit -r {_priority()}`, or set {PRIORITY}=0\n"
         )
+    else:
+        if not has_share:
+            _say(
+                f"no real-time priority, so a busy machine makes samples late: {_NODES_A_CORE} "
+                "nodes a core have it already; end other arms, or run them on another machine\n"
+            )
 
 
 def yield_to_others() -> None:
@@ -282,9 +297,30 @@ def _priority() -> int:
     return int(os.environ.get(PRIORITY, _DEFAULT_PRIORITY))
 
 
-def _take_priority(priority: int) -> None:
-    if priority > 0:
+def _take_priority(priority: int) -> bool:
+    """Take a priority; return False, without it, where as many processes as may have one."""
+    if priority <= 0:
+        return True
+    most = _NODES_A_CORE * (os.cpu_count() or 1)
+    with (private_folder() / "priority").open("w") as turn:
+        # Several that look at once would all find a place.
+        fcntl.flock(turn, fcntl.LOCK_EX)
+        if _realtime_processes() >= most:
+            return False
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    return True
+
+
+def _realtime_processes() -> int:
+    """Return how many processes have the priority of a node with a loop, or of a recorder."""
+    kinds = {(_priority(), os.SCHED_FIFO), (_priority() - 1, os.SCHED_FIFO)}
+    found = 0
+    for process in Path("/proc").glob("[0-9]*/stat"):
+        # It may have ended meanwhile.
+        with suppress(OSError, IndexError):
+            fields = process.read_text("utf-8", "replace").rpartition(")")[2].split()
+            found += (int(fields[_PRIORITY_AT]), int(fields[_POLICY_AT])) in kinds
+    return found
 
 
 def _lock_memory() -> None:

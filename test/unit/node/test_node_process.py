@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import ExitStack
 
 import pytest
 
@@ -109,3 +110,49 @@ def test_run___kind_of_node___asks_for_its_priority(
         check=False,
     )
     assert done.stderr.splitlines()[-1] == f"asked: {asked}"
+
+
+TAKING = """
+import sys
+from flexarm_node.process import prefer_realtime
+
+prefer_realtime()
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+def may_take(priority: int) -> bool:
+    """Return whether this user may have a real-time priority: tried in another process."""
+    asked = f"import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param({priority}))"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, check=False)  # noqa: S603
+    return done.returncode == 0
+
+
+@pytest.mark.slow
+def test_realtime_priority___of_more_nodes_than_two_a_core___leaves_the_others_without() -> None:
+    priority, most = 33, 2 * (os.cpu_count() or 1)
+    if not may_take(priority):
+        pytest.skip("no real-time priority for this user")
+    with ExitStack() as stack:
+        nodes = [
+            stack.enter_context(
+                subprocess.Popen(  # noqa: S603 - our own program
+                    [sys.executable, "-c", TAKING],
+                    env={**os.environ, PRIORITY: str(priority)},
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    text=True,
+                )
+            )
+            for _ in range(most + 2)
+        ]
+        for node in nodes:
+            assert node.stdout is not None
+            assert node.stdout.readline() == "ready\n"
+        policies = [os.sched_getscheduler(node.pid) for node in nodes]
+        said = [node.communicate()[1] for node in nodes]
+    assert policies.count(os.SCHED_FIFO) == most
+    for policy, words in zip(policies, said, strict=True):
+        assert ("nodes a core have it already" in words) == (policy != os.SCHED_FIFO)
