@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from flexarm_control.servo.controller import Servo, ServoGains
 from flexarm_control.servo.regulator import loop_plant, ramp_state, tracked_outputs
+from flexarm_control.servo.rigid_motion import rigid_motion
 from flexarm_control.servo.robustness import SPREAD, at_bandwidth, choose_bandwidth
 from flexarm_control.servo.set_point import plan_for
 from flexarm_control.servo.twin import TWINS, Twin, perturbed, step_results, step_run
@@ -71,6 +72,40 @@ class Source:
         else:
             levels, speed = self.friction.levels, self.friction.speed
         return Twin(self.model, levels, speed, self.noise, delay_s)
+
+
+def with_rigid_motion(source: Source, joints: Sequence[int]) -> tuple[Source, tuple[str, ...]]:
+    """Return a source with the rigid motion and friction of its record, where that is better.
+
+    Parameters
+    ----------
+    source : Source
+        Model and record; one without a record, or with friction of its own, stays.
+    joints : sequence of int
+        Outputs that may be angles of joints: the tracked ones.
+
+    Returns
+    -------
+    Source
+        The model to design with.
+    tuple of str
+        What a user should know of it.
+    """
+    if source.record is None or source.friction is not None:
+        return source, ()
+    found = rigid_motion(source.model, source.record, joints)
+    if found is None:
+        return source, ()
+    levels = ", ".join(
+        f"{level:.3g} of {name}"
+        for level, name in zip(found.friction.levels, source.model.input_labels, strict=True)
+    )
+    note = (
+        f"{source.name}: rigid motion and dry friction ({levels}) took the place of slow poles "
+        f"that stand for friction: they tell the moves in the record with an error of "
+        f"{found.error:.2f} instead of {found.former_error:.2f}"
+    )
+    return replace(source, model=found.model, friction=found.friction), (note,)
 
 
 class ServoRequest(NamedTuple):
@@ -164,6 +199,10 @@ def design_servo(
     _require_alike(sources)
     tracked = tracked_outputs(first.model, request.track)
     limits, notes = _limits(sources, request)
+    progress("rigid motion", 0.0)
+    moved = [with_rigid_motion(source, tracked) for source in sources]
+    sources = [source for source, _ in moved]
+    first, notes = sources[0], (*notes, *(note for _, each in moved for note in each))
     plants = {each.name: loop_plant(each.model, request.delay_s) for each in sources}
     progress("design", 0.0)
     if request.bandwidth_hz is None:

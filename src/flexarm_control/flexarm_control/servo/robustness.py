@@ -83,7 +83,7 @@ def variations(
 
     All frequencies are higher or lower, and the slowest one alone.
     """
-    modes = _vibrations(plant)
+    modes = vibrations(plant)
     found = {name: plant}
     if not modes:
         return found
@@ -119,7 +119,7 @@ def with_modes(plant: control.StateSpace, factors: Mapping[complex, complex]) ->
 
 def slowest_vibration_hz(plant: control.StateSpace) -> float:
     """Return the frequency of the slowest vibration, Hz; infinite without one."""
-    speeds = [abs(np.log(value)) for value in _vibrations(plant)]
+    speeds = [abs(np.log(value)) for value in vibrations(plant)]
     return float(min(speeds, default=np.inf) / (2.0 * np.pi * plant.dt))
 
 
@@ -320,7 +320,7 @@ def _all(plants: Mapping[str, control.StateSpace]) -> dict[str, control.StateSpa
     }
 
 
-def _vibrations(plant: control.StateSpace) -> list[complex]:
+def vibrations(plant: control.StateSpace) -> list[complex]:
     """Return the eigenvalues of vibrations with positive imaginary part."""
     found = []
     for value in np.linalg.eigvals(plant.A).astype(complex).tolist():

@@ -57,7 +57,8 @@ def plan_for(found: Regulator, limits: FloatArray, reserved: FloatArray) -> Plan
     """
     windows = _windows(found)
     following = found.following
-    left = _SHARE * (limits - reserved)
+    # Where friction takes nearly all, a slow plan is better than none.
+    left = np.maximum(_SHARE * (limits - reserved), (1.0 - _SHARE) * limits)
     effort = _ramp_efforts(following, found, windows)
     with np.errstate(divide="ignore", invalid="ignore"):
         each = np.nanmin(left[:, None] / effort, axis=0)
