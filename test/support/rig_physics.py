@@ -6,15 +6,25 @@ import math
 from functools import cache
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from flexarm_daq.rigs.arm_shape import BENDS
 from flexarm_daq.rigs.beam import arm_modes
 from flexarm_daq.rigs.equations import ARM, MOTOR, POSITION, VELOCITY
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from flexarm_daq.rigs.plant import Plant
     from flexarm_daq.rigs.rig_parameters import RigParameters
 
 # An eigenproblem takes milliseconds, and the energy is asked for at each step.
 _modes = cache(arm_modes)
+
+
+def bends_at_m(rig: RigParameters) -> NDArray[np.float64]:
+    """Return the distances from the axis of the virtual joints, in the middles of even pieces."""
+    return rig.length_m * (np.arange(BENDS) + 0.5) / BENDS
 
 
 def energy_j(plant: Plant) -> float:

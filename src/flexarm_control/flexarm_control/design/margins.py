@@ -13,7 +13,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan, degrees, inf, log10, nan
+from math import inf, nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -88,17 +88,6 @@ class Margins:
     disk_margin: float
     disk_margin_hz: float
     stable: bool
-
-    @property
-    def disk_gain_margin_db(self) -> float:
-        """Gain error, up or down, that the disk margin allows together with its phase, dB."""
-        share = min(self.disk_margin, 2.0) / 2.0
-        return inf if share == 1.0 else 20.0 * log10((1.0 + share) / (1.0 - share))
-
-    @property
-    def disk_phase_margin_deg(self) -> float:
-        """Phase error, up or down, that the disk margin allows together with its gain, deg."""
-        return degrees(2.0 * atan(self.disk_margin / 2.0))
 
 
 class LoopResponse:

@@ -24,11 +24,6 @@ BEND_JOINTS = tuple(f"bend{number}" for number in range(1, BENDS + 1))
 _POINTS = 1000
 
 
-def bends_at_m(parameters: RigParameters) -> NDArray[np.float64]:
-    """Return the distances of the virtual joints from the axis, shape (BENDS,)."""
-    return parameters.length_m * (np.arange(BENDS) + 0.5) / BENDS
-
-
 def bend_angles(parameters: RigParameters) -> NDArray[np.float64]:
     """Return the angles of the virtual joints per volt of the base and the middle gauge.
 

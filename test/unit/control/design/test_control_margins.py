@@ -177,13 +177,11 @@ def test_disk_margin___integrator_and_two_lags___agrees_with_the_control_package
     gain: float,
 ) -> None:
     omega = np.geomspace(1e-2, 900.0, 20_000)
-    disk, gain_db, phase_deg = control.disk_margins(_three_lags(gain), omega, skew=0.0)
+    disk, _, _ = control.disk_margins(_three_lags(gain), omega, skew=0.0)
 
     found = _loop_margins(gain, lowest_hz=1e-4)
 
     assert found.disk_margin == pytest.approx(disk, rel=1e-3)
-    assert found.disk_gain_margin_db == pytest.approx(gain_db, rel=2e-3)
-    assert found.disk_phase_margin_deg == pytest.approx(phase_deg, rel=2e-3)
 
 
 @pytest.mark.parametrize("payload_kg", [0.0, 0.2, 0.4])
@@ -205,7 +203,7 @@ def test_disk_margin___every_factor_in_the_disk___keeps_the_loop_stable(payload_
 def test_disk_margin___unstable_loop___is_zero() -> None:
     found = _loop_margins(12.0)
 
-    assert found.disk_margin == found.disk_gain_margin_db == found.disk_phase_margin_deg == 0.0
+    assert found.disk_margin == 0.0
 
 
 def test_margins___model_of_another_plant___is_refused() -> None:

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_daq.rigs.arm_shape import bend_angles, bends_at_m
+from flexarm_daq.rigs.arm_shape import bend_angles
 from flexarm_daq.rigs.beam import arm_modes
 from flexarm_daq.rigs.equations import ARM, POSITION
 from flexarm_daq.rigs.plant import Plant
 from flexarm_daq.rigs.rig_parameters import RigParameters
+from support.rig_physics import bends_at_m
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
