@@ -83,7 +83,7 @@ _TESTS = (
         f"test/unit/bags/test_bags_{name}.py"
         for name in ("recording", "recording_survives", "split")
     ),
-    *(f"test/unit/live/serving/test_live_{name}.py" for name in ("hostile", "server")),
+    *(f"test/unit/live/serving/test_live_{name}.py" for name in ("hostile", "requests", "server")),
 )
 LEAST_SCORE = 0.9
 # mutmut names a module by its path below `src`, and no ROS is needed for these tests.
@@ -119,9 +119,16 @@ class Score:
 
 @click.command()
 @count_option("--jobs", 2)
+@click.option(
+    "--subject",
+    "subjects",
+    multiple=True,
+    type=click.Choice([*SUBJECTS]),
+    help="This one alone; may be given more than once.",
+)
 @json_option
 @click.option("--docs", is_flag=True, help="Write the section of docs/faults.md.")
-def main(*, jobs: int, json_file: Path | None, docs: bool) -> None:
+def main(*, jobs: int, subjects: tuple[str, ...], json_file: Path | None, docs: bool) -> None:
     """Plant mutants, run the tests on each, and print what lived; exit code 1 below 90 %."""
     if find_spec("mutmut") is None:
         raise click.ClickException(
@@ -130,9 +137,10 @@ def main(*, jobs: int, json_file: Path | None, docs: bool) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         _copy_checkout(folder)
-        patterns = [pattern for each in SUBJECTS.values() for pattern in each]
+        chosen = subjects or tuple(SUBJECTS)
+        patterns = [pattern for each in chosen for pattern in SUBJECTS[each]]
         _mutmut(folder, "run", "--max-children", str(jobs), *patterns)
-        scores = list(_scores(_states(folder)))
+        scores = list(_scores(_states(folder), chosen))
         for name in (name for score in scores for name in score.lived):
             terminal.CONSOLE.print(_mutmut(folder, "show", name, capture=True))
     table, rows = make_table(*_HEADS), list(_rows(scores))
@@ -180,8 +188,9 @@ def _states(folder: Path) -> dict[str, str]:
     return {name: state for name, _, state in pairs if state}
 
 
-def _scores(states: Mapping[str, str]) -> Iterator[Score]:
-    for subject, patterns in SUBJECTS.items():
+def _scores(states: Mapping[str, str], subjects: Sequence[str]) -> Iterator[Score]:
+    for subject in subjects:
+        patterns = SUBJECTS[subject]
         own = [name for name in states if any(fnmatch(name, pattern) for pattern in patterns)]
         lived = tuple(name for name in own if states[name] not in _KILLED)
         yield Score(subject, len(own), lived)

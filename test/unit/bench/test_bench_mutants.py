@@ -18,7 +18,7 @@ STATES = {
 
 
 def test_scores___by_subject___count_what_lived() -> None:
-    found = {score.subject: score for score in mutants._scores(STATES)}
+    found = {score.subject: score for score in mutants._scores(STATES, [*mutants.SUBJECTS])}
     assert tuple(found) == tuple(SUBJECTS)
     assert found["limiter"] == Score(
         "limiter",
