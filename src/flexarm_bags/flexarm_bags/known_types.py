@@ -36,7 +36,21 @@ OURS = {
         "effort_v",
         "compensation_v",
     ),
-    "flexarm_msgs/msg/IoSample": ("header", "sequence", "inputs", "outputs"),
+    "flexarm_msgs/msg/IoSample": (
+        "header",
+        "sequence",
+        "inputs",
+        "outputs",
+        "compensations",
+        "command_sequence",
+    ),
+    "flexarm_msgs/msg/IoCommand": (
+        "header",
+        "sequence",
+        "sample_sequence",
+        "efforts",
+        "compensations",
+    ),
 }
 """Members of the types that carry samples and commands, in the order of their bytes."""
 

@@ -17,7 +17,7 @@ from flexarm_core.labels import counted
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-COMMANDS = frozenset({"flexarm_msgs/msg/MotorCommand"})
+COMMANDS = frozenset({"flexarm_msgs/msg/MotorCommand", "flexarm_msgs/msg/IoCommand"})
 """Of the types that begin so, those that number commands; the others number sampling periods."""
 
 SEQUENCED = COMMANDS | {"flexarm_msgs/msg/ArmState", "flexarm_msgs/msg/IoSample"}

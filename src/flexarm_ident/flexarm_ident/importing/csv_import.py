@@ -190,7 +190,14 @@ def _samples(
     """Return some rows as serialised messages: all of them have the places of the first one."""
     inputs, outputs = record.inputs[rows], record.outputs[rows]
     sample_type = typestore.types["flexarm_msgs/msg/IoSample"]
-    first = sample_type(header=header, sequence=0, inputs=inputs[0], outputs=outputs[0])
+    first = sample_type(
+        header=header,
+        sequence=0,
+        inputs=inputs[0],
+        outputs=outputs[0],
+        compensations=np.empty(0),
+        command_sequence=0,
+    )
     raw = np.frombuffer(typestore.serialize_cdr(first, sample_type.__msgtype__), dtype=np.uint8)
     raws = np.tile(raw, (len(inputs), 1))
     layout = members(sample_type.__msgtype__, typestore.fielddefs)

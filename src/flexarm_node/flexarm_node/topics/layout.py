@@ -43,22 +43,26 @@ _CODES: Final = {
 }
 
 
-class _Text(NamedTuple):
-    """Text of all messages, and the number of numbers before it."""
+class _Count(NamedTuple):
+    """Length of a text or an array in all messages, and the number of numbers before it."""
 
     place: int
-    content: bytes
+    length: int
+    content: tuple[bytes, ...] = ()
 
 
 class Layout:
-    """Layout of one message type with constant texts.
+    """Layout of one message type with constant texts and arrays of constant lengths.
 
     Parameters
     ----------
     message_type : type
-        Class of the messages. It may hold numbers, texts, and other messages of such members.
+        Class of the messages. It may hold numbers, texts, arrays of numbers, and other messages of
+        such members.
     texts : mapping of str to str
         Content of each text by its path, ``header.frame_id``.
+    lengths : mapping of str to int, optional
+        Length of each array by its path. Its numbers are named with their places, ``inputs_0``.
 
     Attributes
     ----------
@@ -70,43 +74,60 @@ class Layout:
     TypeError
         When a member has no fixed size.
     KeyError
-        When a text has no content.
+        When a text has no content, or an array no length.
     """
 
-    def __init__(self, message_type: type, texts: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        message_type: type,
+        texts: Mapping[str, str],
+        lengths: Mapping[str, int] | None = None,
+    ) -> None:
         self.message_type = message_type
-        self._texts: list[_Text] = []
-        self._names: list[str] = []
+        self._counts: list[_Count] = []
+        self._members: list[tuple[str, int | None]] = []
+        names: list[str] = []
         # Behind the encapsulation.
         packed = unpacked = ""
         size = 0
         for name, kind in _members(message_type):
-            is_text = kind == _TEXT
-            code = _COUNT if is_text else _CODES[kind]
+            element = _element(kind)
+            code = _COUNT if kind == _TEXT or element else _CODES[kind]
             code = f"{-size % calcsize('=' + code)}x{code}"
             packed += code
             unpacked += code
-            if is_text:
+            if kind == _TEXT:
                 content = texts[name].encode() + b"\0"
-                self._texts.append(_Text(len(self._names), content))
+                self._counts.append(_Count(len(names), len(content), (content,)))
                 packed += f"{len(content)}s"
                 unpacked += f"{len(content)}x"
+            elif element:
+                length = (lengths or {})[name]
+                self._counts.append(_Count(len(names), length))
+                self._members.append((name, length))
+                names += [f"{name}_{place}" for place in range(length)]
+                size = calcsize("=" + packed)
+                # An array without elements ends with its count.
+                gap = -size % calcsize("=" + element) if length else 0
+                packed += f"{gap}x{element * length}"
+                unpacked += f"{gap}x{element * length}"
             else:
-                self._names.append(name)
+                self._members.append((name, None))
+                names.append(name)
             size = calcsize("=" + packed)
         self._packing = Struct(f"<4s{packed}")
         self._unpackings = {
             _LITTLE_ENDIAN: Struct(f"<4x{unpacked}"),
             _BIG_ENDIAN: Struct(f">4x{unpacked}"),
         }
-        names = [name.replace(".", "_") for name in self._names]
-        self._values: Any = namedtuple(message_type.__name__, names)  # type: ignore[misc] # noqa: PYI024 - the message says the names
+        named = [name.replace(".", "_") for name in names]
+        self._values: Any = namedtuple(message_type.__name__, named)  # type: ignore[misc] # noqa: PYI024 - the message says the names
 
     def pack(self, *numbers: float) -> bytes:
         """Return the bytes of a message by its numbers, in the order of the definition."""
         values: list[float | bytes] = [*numbers]
-        for place, content in reversed(self._texts):
-            values[place:place] = len(content), content
+        for place, length, content in reversed(self._counts):
+            values[place:place] = length, *content
         return self._packing.pack(ENCAPSULATION, *values)
 
     def unpack(self, raw: bytes) -> Numbers | None:
@@ -115,8 +136,8 @@ class Layout:
         if unpacking is None or len(raw) != unpacking.size:
             return None
         found = unpacking.unpack(raw)
-        for place, content in self._texts:
-            if found[place] != len(content):
+        for place, length, _ in self._counts:
+            if found[place] != length:
                 return None
             found = found[:place] + found[place + 1 :]
         return self._values._make(found)
@@ -125,9 +146,18 @@ class Layout:
         """Return the numbers of a message, in the order of the definition, by their names."""
         return self._values._make(numbers)
 
-    def numbers(self, message: object) -> Numbers:
-        """Return the numbers of a message object."""
-        return self._values._make(attrgetter(*self._names)(message))
+    def numbers(self, message: object) -> Numbers | None:
+        """Return the numbers of a message object; None when an array has another length."""
+        found: list[float] = []
+        for name, length in self._members:
+            value = attrgetter(name)(message)
+            if length is None:
+                found.append(value)
+            elif len(value) != length:
+                return None
+            else:
+                found.extend(value)
+        return self._values._make(found)
 
 
 def end_of(message_type: type) -> np.dtype[np.void]:
@@ -144,6 +174,8 @@ def end_of(message_type: type) -> np.dtype[np.void]:
     members = list(_members(message_type))
     texts = [place for place, (_, kind) in enumerate(members) if kind == _TEXT]
     numbers = members[1 + max(texts, default=-1) :]
+    if any(kind not in _CODES for _, kind in numbers):
+        raise TypeError(f"{message_type.__name__}: its arrays have no fixed places")
     end = np.dtype([(name.replace(".", "_"), f"<{_CODES[kind]}") for name, kind in numbers])
     if len({end[name].itemsize for name in end.names or ()}) != 1:
         raise TypeError(f"{message_type.__name__}: its last numbers have no fixed places")
@@ -153,7 +185,7 @@ def end_of(message_type: type) -> np.dtype[np.void]:
 def _members(message_type: Any, prefix: str = "") -> Iterator[tuple[str, str]]:  # noqa: ANN401
     """Yield path and type of every number and text, in the order of their bytes."""
     for name, kind in message_type.get_fields_and_field_types().items():
-        if kind in _CODES or kind == _TEXT:
+        if kind in _CODES or kind == _TEXT or _element(kind):
             yield prefix + name, kind
             continue
         package, slash, member = kind.partition("/")
@@ -161,3 +193,10 @@ def _members(message_type: Any, prefix: str = "") -> Iterator[tuple[str, str]]: 
             raise TypeError(f"{message_type.__name__}.{name}: {kind} has no fixed layout")
         inner = getattr(import_module(f"{package}.msg"), member)
         yield from _members(inner, f"{prefix}{name}.")
+
+
+def _element(kind: str) -> str:
+    """Return the code of an array's elements; empty for what is no array of numbers."""
+    return _CODES.get(kind.removeprefix("sequence<").removesuffix(">"), "") * kind.startswith(
+        "sequence<"
+    )

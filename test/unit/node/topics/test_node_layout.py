@@ -10,7 +10,14 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 
 from flexarm_bags.schema import load_typestore
-from flexarm_msgs.msg import ArmState, CommanderInfo, IoSample, MotorCommand, PayloadEstimate
+from flexarm_msgs.msg import (
+    ArmState,
+    ChannelInfo,
+    CommanderInfo,
+    IoSample,
+    MotorCommand,
+    PayloadEstimate,
+)
 from flexarm_node.topics.layout import Layout, end_of
 from support.project import PROJECT
 
@@ -128,9 +135,44 @@ def test_texts_among_the_numbers___keep_their_places() -> None:
     assert own.unpack(serialize_message(message)) is None
 
 
-def test_member_without_a_fixed_size___is_refused() -> None:
-    with pytest.raises(TypeError, match=r"^IoSample\.inputs: sequence<double> has no fixed layout"):
+@settings(max_examples=30)
+@given(lengths=st.tuples(*[st.integers(1, 5)] * 3), frame=st.text("ab"))
+def test_arrays___of_known_lengths___have_the_bytes_of_rclpy(
+    lengths: tuple[int, int, int], frame: str
+) -> None:
+    arrays = dict(zip(("inputs", "outputs", "compensations"), lengths, strict=True))
+    own = Layout(IoSample, {"header.frame_id": frame}, arrays)
+    message = IoSample(sequence=7, command_sequence=2**40)
+    message.header.frame_id = frame
+    values = []
+    for name, length in arrays.items():
+        setattr(message, name, [0.5 + len(values) + k for k in range(length)])
+        values += getattr(message, name)
+    packed = own.pack(0, 0, 7, *values, 2**40)
+    assert len(packed) == len(serialize_message(message))
+    assert deserialize_message(packed, IoSample) == message
+    assert list(own.unpack(serialize_message(message)) or ()) == [0, 0, 7, *values, 2**40]
+    assert own.numbers(message) == own.unpack(packed)
+    message.outputs = [*message.outputs, 1.0]
+    assert own.unpack(serialize_message(message)) is None
+    assert own.numbers(message) is None
+
+
+def test_array_without_a_length___is_refused() -> None:
+    with pytest.raises(KeyError, match="inputs"):
         layout(IoSample)
+
+
+def test_member_without_a_fixed_size___is_refused() -> None:
+    with pytest.raises(
+        TypeError, match=r"^ChannelInfo\.input_names: sequence<string> has no fixed"
+    ):
+        layout(ChannelInfo)
+
+
+def test_end___of_a_message_with_arrays___is_refused() -> None:
+    with pytest.raises(TypeError, match="IoSample: its arrays have no fixed places"):
+        end_of(IoSample)
 
 
 @pytest.mark.parametrize("frame", ["", "x", "flexarm/base_link", "an arm of a longer name"])
