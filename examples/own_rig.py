@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from flexarm_control import build_law, simulate, step_figures
 from flexarm_daq.rigs.rig_protocol import Rig, RigSample
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 RATE_HZ, SETPOINT_V, LENGTH_S = 300.0, 2.0, 4.0
 # Acceleration of the position by 1 V, lag of the motor, and volts of the tachometer.
@@ -24,8 +29,9 @@ class RigidArm:
         volts = np.array([self.position_v, 0.0, 0.0, TACHO_S * self.rate_v_per_s])
         return RigSample(self.periods / RATE_HZ, volts)
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
         """Move the arm over one period with the command in force."""
+        (command_v,) = commands
         self.periods += 1
         self.position_v += self.rate_v_per_s / RATE_HZ
         self.rate_v_per_s += (GAIN_PER_S2 * command_v - self.rate_v_per_s / LAG_S) / RATE_HZ

@@ -17,7 +17,7 @@ from flexarm_ident.reading.alignment import arm_alignment
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -92,10 +92,10 @@ class _Timed:
         self._next += 1
         return self._rig.read()
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
         """Command the drive `REPLY_S` later, before the next sample."""
         self._now_s = min(self._now_s + REPLY_S, self._instants_s[self._next])
-        self._rig.write(command_v)
+        self._rig.write(commands)
 
 
 def simulated(seed: int, jitter: float = 0.0) -> Run:

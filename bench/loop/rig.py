@@ -93,7 +93,7 @@ def sampled(command_v: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
         start_s = time.perf_counter()
         for volts in command_v.tolist():
             rig.read()
-            rig.write(volts)
+            rig.write([volts])
         took_s.append(time.perf_counter() - start_s)
     return len(command_v) / RATE_HZ / min(took_s)
 

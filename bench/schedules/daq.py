@@ -11,7 +11,7 @@ from bench.schedules.oracle import Oracle
 from bench.schedules.processes import Killed, Process
 from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
-from flexarm_daq.loop.limiter import Limiter
+from flexarm_daq.loop.limiter import arm_gate
 from flexarm_daq.loop.sensor_check import SensorCheck
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.faulty import Fault, FaultyRig
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from bench.schedules.messages import Answer
     from bench.schedules.schedule import Event, Schedule
     from bench.schedules.world import Link, World
-    from flexarm_daq.loop.commander import Command
+    from flexarm_core.signals import Command
     from flexarm_daq.loop.exchange import Record
     from flexarm_daq.loop.limiter import LimiterSettings
 
@@ -99,7 +99,7 @@ class Daq(Process):
         self._oracle = Oracle(schedule, world, self.limits)
         self.loop = self._oracle.loop = Acquisition(
             self._rig(),
-            Limiter(self.limits),
+            arm_gate(self.limits),
             Watchdog(1.0 / schedule.rate_hz, schedule.max_age_periods),
             SensorCheck(schedule.rate_hz),
             self,
@@ -173,13 +173,13 @@ class Daq(Process):
 
     def publish(self, record: Record) -> None:
         """Send one sample."""
-        volts = record.volts.tolist()
+        volts = record.outputs.tolist()
         self._oracle.on_sample(record, volts)
         self.samples += 1
         if record.sequence == 1:
             self._start_ns = record.start_ns(self.world.wall_ns(), self.world.now_s)
         stamp_ns = self._start_ns + round(record.time_s * 1e9)
-        drive = DriveCommand(record.command_v, record.compensation_v)
+        drive = DriveCommand(*record.commands, *record.compensations)
         state = State(record.sequence, stamp_ns, volts, drive)
         for link in self._readers:
             link.send(state)
@@ -269,7 +269,7 @@ class _Witness:
             self._await_tick(self._period_s)
         self._oracle.on_read()
         sample = self._rig.read()
-        return RigSample(self._tick * self._period_s, sample.volts) if self._period_s else sample
+        return RigSample(self._tick * self._period_s, sample.outputs) if self._period_s else sample
 
     def _await_tick(self, period_s: float) -> None:
         """Wait for the next sample of the board; after a stall, the newest one is there."""
@@ -279,10 +279,11 @@ class _Witness:
         passed_s = self._owner.world.now_s - self._opened_s
         self._tick = max(self._tick, int(passed_s / period_s))
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
+        (command_v,) = commands
         self._oracle.on_write(command_v)
         self._owner.note_drive(command_v)
-        self._rig.write(command_v)
+        self._rig.write(commands)
 
     def safe_stop(self) -> None:
         if self._owner.alive:

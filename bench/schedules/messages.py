@@ -12,7 +12,7 @@ from flexarm_bags.schema import describe, load_typestore
 
 if TYPE_CHECKING:
     from flexarm_control.laws.law_protocol import DriveCommand
-    from flexarm_daq.loop.commander import Command
+    from flexarm_core.signals import Command
     from flexarm_daq.loop.exchange import Record
 
 COMMANDER, STATE, COMMAND = range(3)
@@ -74,8 +74,8 @@ def state_bytes(record: Record, volts: list[float], stamp_ns: int) -> bytes:
         *_head(stamp_ns),
         record.sequence,
         *volts,
-        record.command_v,
-        record.compensation_v,
+        *record.commands,
+        *record.compensations,
         record.command_sequence,
     )
 
@@ -86,8 +86,8 @@ def command_bytes(command: Command) -> bytes:
         *_head(command.stamp_ns),
         command.sequence,
         command.state_sequence,
-        command.effort_v,
-        command.compensation_v,
+        *command.efforts,
+        *command.compensations,
     )
 
 

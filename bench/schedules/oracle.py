@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from bench.schedules.messages import Answer
     from bench.schedules.schedule import Schedule
     from bench.schedules.world import World
+    from flexarm_core.signals import Command
     from flexarm_daq.loop.acquisition import Acquisition
-    from flexarm_daq.loop.commander import Command
     from flexarm_daq.loop.exchange import Record
     from flexarm_daq.loop.limiter import LimiterSettings
 
@@ -151,8 +151,8 @@ class Oracle:
     def _check_numbers(self, record: Record) -> None:
         before, first, period_s = self._newest, self._first, self._period_s
         self._require(
-            record.command_v == self._at_reading_v,
-            f"sample {record.sequence} says {record.command_v:g} V, the drive had "
+            record.commands[0] == self._at_reading_v,
+            f"sample {record.sequence} says {record.commands[0]:g} V, the drive had "
             f"{self._at_reading_v:g} V",
         )
         if before is None or first is None:
@@ -203,7 +203,7 @@ class Oracle:
             self._obeyed is None or command.state_sequence > self._obeyed.state_sequence,
             f"the drive has a second answer to sample {command.state_sequence}",
         )
-        wanted_v, most_v = command.effort_v + command.compensation_v, self.limits.max_command_v
+        wanted_v, most_v = command.efforts[0] + command.compensations[0], self.limits.max_command_v
         ends_v = [min(max(each, -most_v), most_v) for each in (self.drive_v, wanted_v)]
         self._require(
             min(ends_v) - _ROUNDING <= command_v <= max(ends_v) + _ROUNDING,

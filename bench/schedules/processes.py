@@ -11,8 +11,8 @@ from flexarm_control.laws.registry import LAWS, build_law
 from flexarm_control.laws.switching import Handover
 from flexarm_control.references import build_reference
 from flexarm_control.sample_rate import SampleRate
+from flexarm_core.signals import Command
 from flexarm_daq.experiments.excitation import EXCITATIONS
-from flexarm_daq.loop.commander import Command
 from flexarm_node.statistics import AnswerCount
 
 if TYPE_CHECKING:
@@ -189,6 +189,6 @@ class Commander(Process):
         if repeats and self._random.random() < _SILENT:
             self._silent_until_s = self.world.now_s + self._silence_s
         number = max(0, self._before + count.next())
-        command = Command(number, state.sequence, effort_v, compensation_v, now_ns)
+        command = Command(number, state.sequence, (effort_v,), (compensation_v,), now_ns)
         self._to_daq.send(Answer(self._sender, command))
         self._to_recorder.send(Raw(COMMAND, command_bytes(command), now_ns, self.world.now_s))

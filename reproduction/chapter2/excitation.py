@@ -96,8 +96,8 @@ def _moved_v(parameters: RigParameters, command_v: float) -> float:
     rig = SimulatedRig(parameters, rate_hz=1.0 / _PUSH_S)
     rig.open()
     rig.read()
-    rig.write(command_v)
-    return float(rig.read().volts[0])
+    rig.write([command_v])
+    return float(rig.read().outputs[0])
 
 
 def signal(name: str, seed: int) -> Signal:

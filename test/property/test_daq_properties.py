@@ -37,7 +37,7 @@ SETTINGS = st.builds(
 def test_limiter___any_requests___stays_within_every_limit(
     limits: LimiterSettings, requests: list[tuple[float, float, float, float]]
 ) -> None:
-    limiter = Limiter(limits)
+    limiter = Limiter(limits.limits())
     last_v = 0.0
     for request in requests:
         _, _, position_v, interval_s = request
@@ -58,7 +58,9 @@ def test_limiter___any_requests___stays_within_every_limit(
 def test_limiter___moderate_request___passes_untouched(
     effort_v: float, compensation_v: float, position_v: float
 ) -> None:
-    limited = Limiter().apply(effort_v, compensation_v, position_v, 1.0 / 300.0)
+    limited = Limiter(LimiterSettings().limits()).apply(
+        effort_v, compensation_v, position_v, 1.0 / 300.0
+    )
     assert limited == (effort_v + compensation_v, compensation_v, ())
 
 
@@ -127,7 +129,7 @@ def test_rig___any_commands___reads_codes_within_the_range(
     rig = SimulatedRig(seed=seed)
     rig.open()
     for volts in command_v:
-        reading = rig.read().volts
+        reading = rig.read().outputs
         assert (reading >= -10.0).all()
         assert (reading < 10.0).all()
-        rig.write(volts)
+        rig.write([volts])

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from flexarm_core.signals import Command
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
-from flexarm_daq.loop.commander import Command
-from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+from flexarm_daq.loop.limiter import LimiterSettings, arm_gate
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
@@ -75,7 +75,8 @@ class LoggingRig:
         self._clock.now_s += self.slow_reads_s.get(count, 0.0)
         return RigSample(time_s, np.array([self.position_v, 0.1, 0.2, 0.3]))
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
+        (command_v,) = commands
         self.calls.append(("write", command_v))
         self.writes.append(command_v)
         self.write_times_s.append(self._clock.now_s - self._start_s)
@@ -146,7 +147,7 @@ class Bench:
         self.watchdog = Watchdog(PERIOD_S, max_age_periods)
         self.acquisition = Acquisition(
             self.rig,
-            Limiter(limits),
+            arm_gate(limits),
             self.watchdog,
             SensorCheck(RATE_HZ, NO_NOISE),
             self.link,
@@ -166,11 +167,11 @@ class Bench:
 
     @property
     def commands_v(self) -> list[float]:
-        return [record.command_v for record in self.link.records]
+        return [record.commands[0] for record in self.link.records]
 
 
 def reply(record: Record, effort_v: float, compensation_v: float = 0.0) -> Command:
-    return Command(1000 + record.sequence, record.sequence, effort_v, compensation_v)
+    return Command(1000 + record.sequence, record.sequence, (effort_v,), (compensation_v,))
 
 
 def at_once(effort_v: Callable[[Record], float]) -> Callable[[Record], list[tuple[float, Command]]]:

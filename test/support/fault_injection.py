@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES
+from flexarm_core.signals import Command
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
-from flexarm_daq.loop.commander import Command
-from flexarm_daq.loop.limiter import Limiter
+from flexarm_daq.loop.limiter import arm_gate
 from flexarm_daq.loop.sensor_check import SensorCheck
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.faulty import SENSOR_FAULTS, Fault, FaultyRig
@@ -26,6 +26,8 @@ from flexarm_daq.rigs.simulated import SimulatedRig
 from support.acquisition_bench import Clock
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from flexarm_daq.loop.exchange import Record
     from flexarm_daq.rigs.rig_protocol import Rig, RigSample
 
@@ -75,8 +77,9 @@ class Witness:
             self.drive_v.append(self.now_v)
         return self._rig.read()
 
-    def write(self, command_v: float) -> None:
-        self._rig.write(command_v)
+    def write(self, commands: Sequence[float]) -> None:
+        (command_v,) = commands
+        self._rig.write(commands)
         self.now_v = command_v
 
     def safe_stop(self) -> None:
@@ -96,9 +99,11 @@ class RestlessController:
 
     def publish(self, record: Record) -> None:
         reference_v = math.copysign(3.0, math.sin(2.0 * math.pi * 1.3 * record.time_s + 0.1))
-        effort_v = reference_v - record.volts[0] - 2.8 * record.volts[3]
+        effort_v = reference_v - record.outputs[0] - 2.8 * record.outputs[3]
         compensation_v = math.copysign(0.7, effort_v)
-        self._answer = Command(record.sequence, record.sequence, float(effort_v), compensation_v)
+        self._answer = Command(
+            record.sequence, record.sequence, (float(effort_v),), (compensation_v,)
+        )
 
     def wait(self, timeout_s: float) -> Command | None:
         answer, self._answer = self._answer, None
@@ -125,7 +130,7 @@ def inject(fault: Fault, channel: str, seed: int) -> Injection:
     clock = Clock()
     acquisition = Acquisition(
         FaultyRig(witness, fault, after_samples=after, channel=channel),
-        Limiter(),
+        arm_gate(),
         Watchdog(1.0 / RATE_HZ),
         SensorCheck(RATE_HZ),
         RestlessController(clock),

@@ -15,9 +15,9 @@ class LoggingRig(SimulatedRig):
         super().__init__(clock=time.monotonic)
         self._log = Path(log).open("a", buffering=1)
 
-    def write(self, command_v):
-        super().write(command_v)
-        print(command_v, file=self._log)
+    def write(self, commands):
+        super().write(commands)
+        print(*commands, file=self._log)
 
     def safe_stop(self):
         super().safe_stop()

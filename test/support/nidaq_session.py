@@ -24,7 +24,7 @@ def session(rig: NidaqRig) -> None:
         rig.open()
         for k in range(12):
             rig.read()
-            rig.write(-3.0 if k % 4 < 2 else 5.0)
+            rig.write([-3.0 if k % 4 < 2 else 5.0])
     finally:
         rig.safe_stop()
         rig.close()

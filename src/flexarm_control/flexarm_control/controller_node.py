@@ -1,4 +1,4 @@
-"""Controller node: answers every sample of `state` with one `command` of a control law.
+"""Controller node: answers every sample of the rig with one command of a control law.
 
 The node is a managed node. The law, its gains, the model of its design and the reference are
 parameters. A change is checked as a whole and takes effect between two samples. While the node is
@@ -7,18 +7,16 @@ not active, the watchdog of the DAQ node holds the drive at zero.
 
 from __future__ import annotations
 
+import math
 from importlib import import_module
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from std_msgs.msg import Float64
-
-from flexarm_control.laws.law_protocol import DriveCommand
-from flexarm_control.laws.switching import Handover
-from flexarm_control.loop_setup import MODEL_CHOICES, PARAMETERS, TOPIC, Setup
+from flexarm_control.loop_setup import MODEL_CHOICES, PARAMETERS, TOPIC
 from flexarm_control.models.chosen_model import PREFIX, ModelChoices
+from flexarm_control.rig_setup import REFERENCES, RigSetup, first_references
 from flexarm_control.sample_rate import SampleRate
-from flexarm_core.channels import TRAVEL_DEG, TRAVEL_V
+from flexarm_core.channels import TRAVEL_DEG
 from flexarm_core.errors import SettingError
 from flexarm_msgs.msg import LawInForce, PayloadEstimate
 from flexarm_msgs.srv import SetReference
@@ -26,6 +24,7 @@ from flexarm_node import qos
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
 from flexarm_node.stamps import set_stamp
+from flexarm_node.topics.codecs import is_thesis_arm
 from flexarm_node.topics.shared_topic import SharedTopic
 
 if TYPE_CHECKING:
@@ -33,9 +32,11 @@ if TYPE_CHECKING:
 
     from rclpy.publisher import Publisher
 
-    from flexarm_control.laws.law_protocol import Effort, Memory
+    from flexarm_control.laws.law_protocol import Memory
+    from flexarm_control.rig_setup import Track
+    from flexarm_core.signals import Sample
+    from flexarm_node.answering_node import Answer
     from flexarm_node.topics.handover import DirectHandover
-    from flexarm_node.topics.layout import Numbers
 
 # An unchanged reference is published again, for a recorder that was not yet there when it changed.
 _TELL_AGAIN_NS = 1_000_000_000
@@ -51,8 +52,8 @@ class _InForce(NamedTuple):
     """Origin of the answers from a sample on, beside the samples."""
 
     taken_ns: int
-    setup: Setup
-    reference_v: float
+    setup: RigSetup
+    references: tuple[float, ...]
     command_sequence: int
     memory: Memory
 
@@ -87,13 +88,14 @@ class ControllerNode(AnsweringNode):
             cli_args=cli_args,
         )
         self._setup = self._accepted
-        self._reference_v = 0.0
-        self._references: SharedTopic[Float64] | None = None
+        # Of a rig that nobody gave a set-point: it stays where it is.
+        self._references: tuple[float, ...] | None = None
+        self._reference_topic: SharedTopic[Any] | None = None
         self.create_service(SetReference, "set_reference", self._on_set_reference)
         # State of a run, which `begin` resets.
-        self._handover = Handover(self._setup.law)
+        self._loop = self._setup.loop()
         self._rate = SampleRate()
-        self._told_v: float | None = None
+        self._told: tuple[float, ...] | None = None
         self._told_ns = 0
         self._weighed_ns = 0
         self._in_force: _InForce | None = None
@@ -108,10 +110,10 @@ class ControllerNode(AnsweringNode):
     def make_topics(self) -> None:
         """Make the topics of the loop."""
         super().make_topics()
-        self._references = SharedTopic(
+        self._reference_topic = SharedTopic(
             self,
-            Float64,
-            "reference",
+            self.codec.reference_type,
+            self.codec.reference_topic,
             sent=qos.STATUS_SENT,
             read=qos.NEWEST,
         )
@@ -121,15 +123,15 @@ class ControllerNode(AnsweringNode):
     def release_topics(self) -> None:
         """Release the topics."""
         super().release_topics()
-        if self._references is not None:
-            self._references.close()
-            self._references = None
+        if self._reference_topic is not None:
+            self._reference_topic.close()
+            self._reference_topic = None
         self.destroy_publisher(self._payloads)
         self.destroy_publisher(self._laws)
 
     def publishers(self) -> tuple[Publisher, ...]:
         """Return the publishers whose messages a recorder needs in full before a run ends."""
-        shared = () if self._references is None else (self._references.publisher,)
+        shared = () if self._reference_topic is None else (self._reference_topic.publisher,)
         return (*super().publishers(), self._laws, *shared)
 
     def prepare(self) -> None:
@@ -139,49 +141,53 @@ class ControllerNode(AnsweringNode):
             # A law that is set during the run may need this library, and loading it then would
             # cost the loop some periods.
             import_module("control")
+        if self._references is None and is_thesis_arm(self.description):
+            self._references = (0.0,)
         self.listen()
-        if self._setup.profile is None:
+        if not self._setup.has_profile:
             # A record needs the set-point in force from its first sample on.
             self._publish_reference()
 
     def begin(self) -> None:
         """Forget an earlier run of samples."""
-        self._handover.replace(self._setup.law)
-        self._handover.reset()
+        self._loop = self._setup.loop()
+        self._loop.reset()
         self._rate.reset()
         self._measured_hz = None
-        self._told_v = None
+        self._told = None
         self._told_ns = 0
         self._weighed_ns = 0
         self._in_force = None
         self._drives = True
 
-    def answer(self, state: Numbers, taken_ns: int) -> Effort:
-        """Return the law's answer to the sample and the reference at its instant."""
-        setup, reference_v = self._setup, self._reference_v
-        self._drives = state.command_sequence > 0
-        self._handover.replace(setup.law)
+    def answer(self, sample: Sample) -> Answer:
+        """Return the law's answer to the sample and the references at its instant."""
+        setup, taken_ns = self._setup, sample.taken_ns
+        if self._references is None:
+            self._references = first_references(setup, sample)
+        references = self._references
+        self._drives = sample.command_sequence > 0
+        self._loop.replace(setup.laws)
         self._measured_hz = self._rate.add(taken_ns) or self._measured_hz
         setup.check_rate(self._measured_hz)
-        self._note_law(taken_ns, setup, reference_v, self.upcoming)
-        if setup.profile is not None:
-            self._reference_v = reference_v = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
-        volts = (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v)
-        drive = DriveCommand(state.command_v, state.compensation_v)
-        return self._handover.step(volts, reference_v, drive)
+        self._note_law(taken_ns, setup, references, self.upcoming)
+        if setup.has_profile:
+            references = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
+            self._references = references
+        return self._loop.step(sample, references)
 
     def before_command(self, taken_ns: int) -> None:
         """Publish the reference of a built-in profile: in virtual time the command ends the sample.
 
         A record has it from the sample on behind which it was published.
         """
-        if self._setup.profile is not None:
+        if self._setup.has_profile:
             self._tell_reference(taken_ns)
 
     def answered(self, taken_ns: int) -> None:
         """Publish what is in force for the law, when that is due, and the payload at intervals."""
         self._tell_law(taken_ns)
-        setup = self._setup
+        (setup, *_) = self._setup.setups
         if setup.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return
         self._weighed_ns = taken_ns
@@ -191,32 +197,35 @@ class ControllerNode(AnsweringNode):
 
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""
-        yield {"law": self._setup.law_spec.name, "set-point V": f"{self._reference_v:g}"}
+        unit = self._setup.tracks[0].unit
+        yield {"law": self._setup.law_spec.name, f"set-point {unit}": self._reference_text()}
         yield from super().figures()
 
     def _note_law(
-        self, taken_ns: int, setup: Setup, reference_v: float, command_sequence: int
+        self, taken_ns: int, setup: RigSetup, references: tuple[float, ...], command_sequence: int
     ) -> None:
         """Note what the next answer follows from, when it has changed and at intervals."""
         before = self._in_force
         if (
             before is None
             or setup is not before.setup
-            or (setup.profile is None and reference_v != before.reference_v)
+            or (not setup.has_profile and references != before.references)
             or taken_ns - before.taken_ns >= _TELL_AGAIN_NS
         ):
-            memory = self._handover.memory()
-            self._in_force = _InForce(taken_ns, setup, reference_v, command_sequence, memory)
+            memory = self._loop.memory()
+            if not is_thesis_arm(setup.rig):
+                memory = {**memory, REFERENCES: references}
+            self._in_force = _InForce(taken_ns, setup, references, command_sequence, memory)
 
     def _tell_law(self, taken_ns: int) -> None:
         """Publish what was noted for a sample: the command did not wait for it."""
         if self._in_force is None or self._in_force.taken_ns != taken_ns:
             return
-        _, setup, reference_v, command_sequence, memory = self._in_force
+        _, setup, references, command_sequence, memory = self._in_force
         message = LawInForce(
             command_sequence=command_sequence,
             run_time_ns=taken_ns - self.run_start_ns,
-            reference_v=reference_v,
+            reference_v=references[0],
             parameters=setup.text,
             memory_names=list(memory),
             memory_sizes=[len(group) for group in memory.values()],
@@ -227,15 +236,15 @@ class ControllerNode(AnsweringNode):
 
     def _tell_reference(self, taken_ns: int) -> None:
         """Publish the reference of a built-in profile, when it has changed and at intervals."""
-        if self._reference_v == self._told_v and taken_ns - self._told_ns < _TELL_AGAIN_NS:
+        if self._references == self._told and taken_ns - self._told_ns < _TELL_AGAIN_NS:
             return
-        self._told_v, self._told_ns = self._reference_v, taken_ns
+        self._told, self._told_ns = self._references, taken_ns
         self._publish_reference()
 
     def _on_request(self, values: Mapping[str, Any]) -> None:
         """Check parameters: they make a setup, which is kept, since a design takes time."""
         self._model_choices.check(values)
-        accepted = Setup.of(values)
+        accepted = RigSetup.of(values)
         if self.is_answering():
             accepted.check_rate(self._measured_hz)
         self._accepted = accepted
@@ -248,18 +257,23 @@ class ControllerNode(AnsweringNode):
             self.declare_commander()
 
     def _publish_reference(self) -> None:
-        if self._references is not None:
-            self._references.publish(Float64(data=self._reference_v))
+        if self._reference_topic is not None and self._references is not None:
+            self._reference_topic.publish(self.codec.reference_message(self._references))
+
+    def _reference_text(self) -> str:
+        """Return the set-points in force; of a rig of several joints, all of them."""
+        return ", ".join(f"{each:g}" for each in self._references or ())
 
     def listen(self) -> None:
         """Take the set-point from the topic."""
-        message = None if self._references is None else self._references.newest()
+        message = None if self._reference_topic is None else self._reference_topic.newest()
         if message is None:
             return
-        if refusal := self._refusal(message.data):
+        references = self.codec.references(message)
+        if refusal := self._refusal(references):
             self.get_logger().error(refusal, throttle_duration_sec=_REFUSED_S)
             return
-        self._reference_v = message.data
+        self._references = references
 
     def _on_set_reference(
         self, request: SetReference.Request, response: SetReference.Response
@@ -267,13 +281,19 @@ class ControllerNode(AnsweringNode):
         """Take the set-point of a call, and publish it for recorders and viewers."""
         # What came on the topic before is older.
         self.listen()
-        response.message = self._refusal(request.reference_v)
+        place = self._setup.place(request.joint)
+        known = self._references or (math.nan,) * len(self._setup.tracks)
+        if place is None:
+            response.message = f"reference refused: {self._setup.unknown(request.joint)}"
+        else:
+            wanted = (*known[:place], request.reference_v, *known[place + 1 :])
+            response.message = self._refusal(wanted)
         response.success = not response.message
         if response.success:
-            self._reference_v = request.reference_v
+            self._references = wanted
             self._publish_reference()
             response.message = self._hindrance()
-        response.reference_v = self._reference_v
+        response.reference_v = (self._references or known)[place or 0]
         return response
 
     def _hindrance(self) -> str:
@@ -282,21 +302,35 @@ class ControllerNode(AnsweringNode):
             return _NOT_ACTIVE
         return self.warning() or ("" if self._drives else _NOT_DRIVING)
 
-    def _refusal(self, reference_v: float) -> str:
-        """Return why a set-point does not come into force; empty when it does."""
-        refused = f"reference {reference_v:g} V refused: "
+    def _refusal(self, references: tuple[float, ...]) -> str:
+        """Return why set-points do not come into force; empty when they do."""
+        tracks = self._setup.tracks
+        if len(references) != len(tracks):
+            names = ", ".join(each.name for each in tracks)
+            return f"{len(references)} set-points refused: one each for {names}"
+        texts = [f"{value:g} {each.unit}" for value, each in zip(references, tracks, strict=True)]
+        refused = f"reference {', '.join(texts)} refused: "
         if self.trouble:
             why = f"the controller is not active, {self.trouble}"
             return f"{refused}{why}; then activate controller"
-        if self._setup.profile is not None:
+        if self._setup.has_profile:
             values = self.parameters.values()
             if values["trajectory"]:
                 return f"{refused}the controller plays a trajectory: set trajectory to nothing"
             name = values["reference"]
             return f"{refused}the controller follows its own, {name}: set reference to {TOPIC}"
-        if not abs(reference_v) <= TRAVEL_V:
-            return f"{refused}the travel is +-{TRAVEL_V:.3f} V, {TRAVEL_DEG:g} deg"
-        return ""
+        beyond = [
+            track
+            for value, track in zip(references, tracks, strict=True)
+            if not track.low <= value <= track.high
+        ]
+        return f"{refused}{self._travel(beyond[0])}" if beyond else ""
+
+    def _travel(self, track: Track) -> str:
+        """Return the travel of a set-point in words."""
+        if is_thesis_arm(self._setup.rig):
+            return f"the travel is +-{track.high:.3f} V, {TRAVEL_DEG:g} deg"
+        return f"the travel of {track.name} is {track.low:g} to {track.high:g} {track.unit}"
 
 
 def main() -> int:

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexarm_control.joint_laws import compensation_v, require_known_outputs
 from flexarm_control.laws.registry import LAWS, LawSpec, build_law
 from flexarm_control.learning.columns import read_trajectory
 from flexarm_control.learning.following import FollowingLaw
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
     from flexarm_control.laws.law_protocol import LawWithMemory
     from flexarm_control.laws.payload import PayloadEstimate
+    from flexarm_core.rig_description import RigDescription
     from flexarm_core.specs import ParameterSpec
 
 TOPIC = "topic"
@@ -98,6 +100,27 @@ class Setup:
     rate_hz: float | None
     profile: Reference | None
     text: str
+
+    @classmethod
+    def of_joints(cls, values: Mapping[str, Any], rig: RigDescription) -> tuple[Setup, ...]:
+        """Build law and reference of each joint of a rig that is not the thesis's arm.
+
+        The compensation of friction is that of the rig's description.
+
+        Raises
+        ------
+        SettingError
+            When the values do not fit together, or the rig lacks what the law needs.
+        """
+        name = values["law"]
+        require_known_outputs(LAWS[name], rig)
+        level = f"{name}.compensation_v"
+        made = []
+        for joint in rig.joints:
+            own = {level: compensation_v(rig, joint)} if level in values else {}
+            rate = {f"{name}.rate_hz": rig.rate_hz} if f"{name}.rate_hz" in values else {}
+            made.append(cls.of({**values, **own, **rate}))
+        return tuple(made)
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Setup:
@@ -171,7 +194,7 @@ def parameters_in(text: str) -> dict[str, Any]:
     if not isinstance(values, dict) or not {"law", "reference"} <= values.keys():
         raise SettingError("the parameters of the law are without law or reference")
     for name, value in values.items():
-        if name.startswith(PREFIX):
+        if name.startswith(PREFIX) or name == "rig":
             continue
         spec = _SPECS.get(name)
         if spec is None:

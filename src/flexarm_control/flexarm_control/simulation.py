@@ -17,7 +17,7 @@ from flexarm_core.showing.tables import html_table
 from flexarm_core.showing.traces import Panel, plot_traces
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     import control
     from numpy.typing import NDArray
@@ -34,7 +34,7 @@ class Sample(Protocol):
         """Instant of the sample, s."""
 
     @property
-    def volts(self) -> FloatArray:
+    def outputs(self) -> FloatArray:
         """Position, base strain, middle strain and speed, V, (4,)."""
 
 
@@ -47,7 +47,7 @@ class Rig(Protocol):
     def read(self) -> Sample:
         """Sample the four channels."""
 
-    def write(self, command_v: float, /) -> None:
+    def write(self, commands: Sequence[float], /) -> None:
         """Command the drive, V."""
 
 
@@ -178,19 +178,19 @@ def _run(
     loop, drive = Handover(cast("LawWithMemory", law)), None
     for k, reference in enumerate(np.asarray(reference_v, dtype=float).tolist()):
         sample = rig.read()
-        time_s[k], y[k] = sample.time_s, sample.volts
+        time_s[k], y[k] = sample.time_s, sample.outputs
         if true_outputs is not None:
             true_y[k] = true_outputs()
         answers[k] = answer = loop.step(y[k].tolist(), reference, drive)
         drive = acting(answer)
-        rig.write(drive.command_v)
+        rig.write([drive.command_v])
     reference_v = np.asarray(reference_v, dtype=float)
     return LoopRun(time_s, y, answers[:, 0], answers[:, 1], reference_v, true_y)
 
 
 class _ModelSample(NamedTuple):
     time_s: float
-    volts: FloatArray
+    outputs: FloatArray
 
 
 class _ModelRig:
@@ -208,9 +208,9 @@ class _ModelRig:
     def read(self) -> _ModelSample:
         return _ModelSample(self._dt_s * self._samples, self._c @ self._state)
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
         self._samples += 1
-        self._state = self._a @ self._state + self._b * command_v
+        self._state = self._a @ self._state + self._b * commands[0]
 
 
 def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) -> LoopRun:

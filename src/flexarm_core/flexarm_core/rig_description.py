@@ -65,6 +65,8 @@ OUTPUT_QUANTITIES: Final = (
 )
 TRAVEL_ACTIONS: Final = ("inward", "hold")
 """At the end of the travel: only commands that lead back pass, or the drive is held at zero."""
+SHORT_NAMES: Final[Mapping[str, str]] = {"simulated": "thesis", "nidaq": "thesis-nidaq"}
+"""Packaged descriptions that go by the name of their driver too."""
 _RATES_HZ = 1.0, 10_000.0
 _MOST_PERIODS = 1000
 _MOST_SAMPLES = 2**31 - 1
@@ -272,7 +274,7 @@ def load_rig(rig: str | Path) -> RigDescription:
     Parameters
     ----------
     rig : str or Path
-        Name of a packaged description, or a file.
+        Name of a packaged description, one of `SHORT_NAMES`, or a file.
 
     Raises
     ------
@@ -281,6 +283,7 @@ def load_rig(rig: str | Path) -> RigDescription:
     SettingError
         If there is no such description.
     """
+    rig = SHORT_NAMES.get(str(rig), rig)
     if str(rig) in packaged():
         text = files(__package__).joinpath("rigs", "packaged", f"{rig}.yaml").read_text("utf-8")
         return described(text, f"{rig}.yaml")

@@ -1,4 +1,4 @@
-"""Base of managed nodes that answer every sample of `state` with one `command`."""
+"""Base of managed nodes that answer every sample of a rig with one command."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import time
 from abc import abstractmethod
 from typing import TYPE_CHECKING, NamedTuple
 
-from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
+from flexarm_core.signals import Command
+from flexarm_msgs.msg import CommanderInfo
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode
-from flexarm_node.stamps import joined_ns, set_stamp
+from flexarm_node.stamps import set_stamp
 from flexarm_node.statistics import AnswerCount, Window
-from flexarm_node.topics.layout import Layout
 from flexarm_node.topics.waiting import TopicWaiter, await_acknowledged
 
 if TYPE_CHECKING:
@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 
     from rclpy.publisher import Publisher
 
+    from flexarm_core.signals import Sample
     from flexarm_node.topics.handover import DirectHandover
-    from flexarm_node.topics.layout import Numbers
+
+    Answer = tuple[tuple[float, ...], tuple[float, ...]]
 
 _WAIT_S = 0.1
 _SILENT_S = 1.0
@@ -30,9 +32,9 @@ _STATISTICS_SAMPLES = 3000
 
 
 class _Answer(NamedTuple):
-    """Numbers of a command, and the stamp of the sample that it answers, ns."""
+    """Command, and the stamp of the sample that it answers, ns."""
 
-    command: tuple[float, ...]
+    command: Command
     taken_ns: int
 
 
@@ -45,7 +47,7 @@ class AnsweringNode(LoopNode):
 
     _heard_s = math.inf
     _taken_ns = 0
-    _waiting: Numbers | None = None
+    _waiting: Sample | None = None
     direct: DirectHandover | None = None
     """Way from a DAQ node in the same process, whose samples alone are answered then."""
 
@@ -68,17 +70,10 @@ class AnsweringNode(LoopNode):
         """Prepare for the first sample of a run, or of a run that begins anew."""
 
     @abstractmethod
-    def answer(self, state: Numbers, taken_ns: int) -> tuple[float, float]:
-        """Return effort and compensation of the command that answers a sample, V.
+    def answer(self, sample: Sample) -> Answer:
+        """Return efforts and compensations of the command that answers a sample.
 
         The calling thread is that of the loop, or of the DAQ node's loop in the same process.
-
-        Parameters
-        ----------
-        state : Numbers
-            The sample, an ArmState.
-        taken_ns : int
-            Its stamp, ns.
         """
 
     def before_command(self, taken_ns: int) -> None:
@@ -95,18 +90,19 @@ class AnsweringNode(LoopNode):
         """Make the topics of the loop."""
         self._count = AnswerCount()
         self._answer_s = Window(_STATISTICS_SAMPLES)
-        frame = {"header.frame_id": self.frame}
-        self._layout = Layout(MotorCommand, frame)
-        self._states = None
+        codec = self.codec
+        self._samples = None
         if self.direct is None:
-            self._states = TopicWaiter(self, Layout(ArmState, frame), "state", qos.NEWEST)
-        self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
+            self._samples = TopicWaiter(self, codec.samples, codec.sample_topic, qos.NEWEST)
+        self._commands = self.create_publisher(
+            codec.commands.message_type, codec.command_topic, qos.SENT
+        )
         self._commander_out = self.create_publisher(CommanderInfo, "commander", qos.STATUS)
 
     def release_topics(self) -> None:
         """Give the topics back."""
-        if self._states is not None:
-            self._states.close()
+        if self._samples is not None:
+            self._samples.close()
         self.destroy_publisher(self._commands)
         self.destroy_publisher(self._commander_out)
 
@@ -116,7 +112,7 @@ class AnsweringNode(LoopNode):
         In virtual time a sample that comes meanwhile waits for its answer, and so does the first of
         a run.
         """
-        self._waiting = None if self._states is None else self._states.wait_newest(0.0)
+        self._waiting = None if self._samples is None else self._samples.wait_newest(0.0)
         if self._waiting is not None and self._waiting.sequence != 1:
             self._waiting = None
         self.await_listeners(*self.publishers(), least=1)
@@ -135,8 +131,8 @@ class AnsweringNode(LoopNode):
         """Answer until told to stop; a count of samples that goes back begins a new run."""
         self._count.restart()
         self._heard_s, self._taken_ns = math.inf, 0
-        if self._states is not None:
-            self._answer_topic(self._states, stopping)
+        if self._samples is not None:
+            self._answer_topic(self._samples, stopping)
         elif self.direct is not None:
             self._leave_to_the_sampling_thread(self.direct, stopping)
         await_acknowledged(*self.publishers())
@@ -168,42 +164,42 @@ class AnsweringNode(LoopNode):
     def _is_heard(self) -> bool:
         return 0.0 <= time.monotonic() - self._heard_s < _SILENT_S
 
-    def _answer_topic(self, states: TopicWaiter, stopping: threading.Event) -> None:
+    def _answer_topic(self, samples: TopicWaiter[Sample], stopping: threading.Event) -> None:
         while not stopping.is_set():
-            state = states.wait_newest(_WAIT_S if self._waiting is None else 0.0) or self._waiting
+            sample = samples.wait_newest(_WAIT_S if self._waiting is None else 0.0) or self._waiting
             self._waiting = None
-            if state is not None and (answer := self._answer_to(state)) is not None:
+            if sample is not None and (answer := self._answer_to(sample)) is not None:
                 self._send(answer)
             self.spare_time()
 
     def _leave_to_the_sampling_thread(
         self, direct: DirectHandover, stopping: threading.Event
     ) -> None:
-        def give(state: Numbers) -> None:
-            if (answer := self._answer_to(state)) is not None:
-                direct.give(self._layout.named(*answer.command), lambda: self._send(answer))
+        def give(sample: Sample) -> None:
+            if (answer := self._answer_to(sample)) is not None:
+                direct.give(answer.command, lambda: self._send(answer))
 
         with direct.answering(give, self.spare_time):
             while not stopping.wait(_WAIT_S):
                 direct.check()
 
-    def _answer_to(self, state: Numbers) -> _Answer | None:
+    def _answer_to(self, sample: Sample) -> _Answer | None:
         """Return the answer to a sample; None to one that was answered before."""
-        taken_ns = joined_ns(state.header_stamp_sec, state.header_stamp_nanosec)
-        if not self._count.is_new(state.sequence, taken_ns):
+        if not self._count.is_new(sample.sequence, sample.taken_ns):
             return None
         received_s = self._heard_s = time.monotonic()
-        self._taken_ns = taken_ns
-        if self._count.begins(state.sequence, taken_ns):
+        self._taken_ns = sample.taken_ns
+        if self._count.begins(sample.sequence, sample.taken_ns):
             self.begin()
-        effort_v, compensation_v = self.answer(state, taken_ns)
-        # Of the sample's clock: in virtual time no other one is the arm's.
-        stamp = (state.header_stamp_sec, state.header_stamp_nanosec)
-        command = (*stamp, self._count.next(), state.sequence, effort_v, compensation_v)
+        efforts, compensations = self.answer(sample)
+        # Stamped by the sample's clock: in virtual time no other one is the arm's.
+        command = Command(
+            self._count.next(), sample.sequence, efforts, compensations, sample.taken_ns
+        )
         self._answer_s.add(time.monotonic() - received_s)
-        return _Answer(command, taken_ns)
+        return _Answer(command, sample.taken_ns)
 
     def _send(self, answer: _Answer) -> None:
         self.before_command(answer.taken_ns)
-        self._commands.publish(self._layout.pack(*answer.command))
+        self._commands.publish(self.codec.commands.pack(answer.command))
         self.answered(answer.taken_ns)

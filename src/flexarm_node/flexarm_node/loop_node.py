@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from flexarm_core.errors import one_line
+from flexarm_core.errors import SettingError, one_line
+from flexarm_core.rig_description import load_rig
 from flexarm_core.tables import read_table
 from flexarm_node import collector
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.reports import Level, Report, Reporter, entries
+from flexarm_node.topics.codecs import codec_of
 from flexarm_node.topics.waiting import has_every_reader, wait_until
 from flexarm_node.transport import complaint_about_transport
 
@@ -141,6 +143,26 @@ class LoopNode(LifecycleNode):
         """Return the name of the rig that the node drives; empty for none."""
         return ""
 
+    def describe_rig(self) -> None:
+        """Read the description of the rig, which says what the topics of the loop carry.
+
+        Raises
+        ------
+        SettingError
+            If there is no such description, or it is wrong.
+        """
+        self.description = load_rig(self.parameters.values()["rig"])
+        self.codec = codec_of(self.description, self.frame)
+
+    def _require_rig(self) -> None:
+        """Refuse another rig than that of the topics."""
+        rig = self.parameters.values()["rig"]
+        if load_rig(rig).text != self.description.text:
+            raise SettingError(
+                f"rig = {rig!r} is another one than the node was configured for: clean it up and "
+                "configure it again"
+            )
+
     @property
     def frame(self) -> str:
         """The tf frame of the arm's base by REP 105: frames of an arm begin with its namespace."""
@@ -202,6 +224,7 @@ class LoopNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
         """Make the topics."""
         try:
+            self.describe_rig()
             self.make_topics()
         except Exception as error:  # noqa: BLE001 - rclpy would swallow it
             self._tell(f"not configured: {self._reason(error)}")
@@ -213,6 +236,7 @@ class LoopNode(LifecycleNode):
         self._trouble = ""
         self._last_entries = []
         try:
+            self._require_rig()
             self.prepare()
         except Exception as error:  # noqa: BLE001 - rclpy would swallow it
             self._tell(f"not activated: {self._reason(error)}")

@@ -26,9 +26,10 @@ from bench.schedules.shrink import shrunk
 from bench.schedules.simulation import ACTS, run
 from bench.schedules.world import Link, World
 from flexarm_bags.writer import BagWriter
+from flexarm_core.signals import Command
 from flexarm_core.workers import Workers
 from flexarm_daq.loop import limiter
-from flexarm_daq.loop.commander import Command, Commander, Verdict
+from flexarm_daq.loop.commander import Commander, Verdict
 from flexarm_daq.loop.exchange import Record
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.nodes.recording import Recording
@@ -246,7 +247,7 @@ def test_messages___are_serialised_as_the_middleware_does() -> None:
     )
     assert state_bytes(record, volts, START_NS) == sent.raw
     head = header(START_NS, "flexarm")
-    assert command_bytes(Command(3, 2, 0.5, -0.25, START_NS)) == serialised(
+    assert command_bytes(Command(3, 2, (0.5,), (-0.25,), START_NS)) == serialised(
         "flexarm_msgs/msg/MotorCommand",
         header=head,
         sequence=3,

@@ -18,9 +18,9 @@ from flexarm_bringup.runs.recorded_run import completed_run
 from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.laws.switching import Handover
 from flexarm_control.loop_setup import PARAMETERS, Setup
+from flexarm_core.signals import Command
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
-from flexarm_daq.loop.commander import Command
-from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+from flexarm_daq.loop.limiter import arm_gate
 from flexarm_daq.loop.sensor_check import SensorCheck
 from flexarm_daq.loop.watchdog import Watchdog
 
@@ -92,7 +92,7 @@ class DirectRun(NamedTuple):
             link = _DirectLink(setup, loop_bag, self.rig.parameters.loop_delay_s, progress)
             loop = Acquisition(
                 self.rig,
-                Limiter(LimiterSettings()),
+                arm_gate(),
                 Watchdog(1.0 / self.rate_hz),
                 SensorCheck(self.rate_hz),
                 link,
@@ -147,13 +147,13 @@ class _DirectLink:
         self._bag.add_state(record, taken_ns)
         reference_v = self._profile((taken_ns - self._run_start_ns) * 1e-9)
         self._tell_reference(taken_ns, reference_v)
-        drive = DriveCommand(record.command_v, record.compensation_v)
-        effort_v, compensation_v = self._law.step(record.volts.tolist(), reference_v, drive)
+        drive = DriveCommand(*record.commands, *record.compensations)
+        effort_v, compensation_v = self._law.step(record.outputs.tolist(), reference_v, drive)
         self._answer = Command(
             record.sequence,
             record.sequence,
-            effort_v,
-            compensation_v,
+            (effort_v,),
+            (compensation_v,),
             taken_ns + self._delay_ns,
         )
         self._bag.add_command(self._answer)

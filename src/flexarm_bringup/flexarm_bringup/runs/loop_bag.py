@@ -11,7 +11,7 @@ from flexarm_bags.writer import BagWriter
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flexarm_daq.loop.commander import Command
+    from flexarm_core.signals import Command
     from flexarm_daq.loop.exchange import Record
 
 _NS = 1_000_000_000
@@ -73,7 +73,8 @@ class LoopBag:
 
     def add_state(self, record: Record, stamp_ns: int) -> None:
         """Add one sample."""
-        position_v, base_strain_v, middle_strain_v, speed_v = record.volts.tolist()
+        (command_v,), (compensation_v,) = record.commands, record.compensations
+        position_v, base_strain_v, middle_strain_v, speed_v = record.outputs.tolist()
         self._add(
             "state",
             stamp_ns,
@@ -83,8 +84,8 @@ class LoopBag:
             base_strain_v=base_strain_v,
             middle_strain_v=middle_strain_v,
             speed_v=speed_v,
-            command_v=record.command_v,
-            compensation_v=record.compensation_v,
+            command_v=command_v,
+            compensation_v=compensation_v,
             command_sequence=record.command_sequence,
         )
 
@@ -94,14 +95,15 @@ class LoopBag:
 
     def add_command(self, command: Command) -> None:
         """Add one command."""
+        (effort_v,), (compensation_v,) = command.efforts, command.compensations
         self._add(
             "command",
             command.stamp_ns,
             header=self._header(command.stamp_ns),
             sequence=command.sequence,
             state_sequence=command.state_sequence,
-            effort_v=command.effort_v,
-            compensation_v=command.compensation_v,
+            effort_v=effort_v,
+            compensation_v=compensation_v,
         )
 
     def close(self) -> None:

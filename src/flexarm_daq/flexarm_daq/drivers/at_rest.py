@@ -65,12 +65,12 @@ def _read(rig: Rig, description: RigDescription, duration_s: float) -> RestReadi
         if paced:
             time.sleep(max(0.0, begun_s + k / description.rate_hz - time.monotonic()))
         sample = rig.read()
-        if np.shape(sample.volts) != raw[k].shape:
+        if np.shape(sample.outputs) != raw[k].shape:
             raise RigError(
-                f"the driver reads {np.size(sample.volts)} channels, and rig {description.name} "
+                f"the driver reads {np.size(sample.outputs)} channels, and rig {description.name} "
                 f"has {len(description.outputs)} outputs: {', '.join(description.output_names)}"
             )
-        raw[k], times_s[k] = sample.volts, sample.time_s
+        raw[k], times_s[k] = sample.outputs, sample.time_s
     # The median: a busy machine may miss samples of a board's clock, which is right all the same.
     period_s = float(np.median(np.diff(times_s)))
     if not period_s > 0.0:

@@ -11,6 +11,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from flexarm_core.channels import CHANNEL_NAMES, COMMAND
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.own_modules import failed_line, own_module, told
@@ -24,6 +25,7 @@ from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_protocol import METHODS
 from flexarm_daq.rigs.simulated import SimulatedRig
+from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,6 +40,12 @@ GROUP: Final = "flexarm.rigs"
 def _simulated(rig: RigDescription, _: Path) -> Rig:
     if rig.settings:
         raise SettingError("the simulated rig has no settings here, but parameters of the node daq")
+    if not is_thesis_arm(rig):
+        raise SettingError(
+            f"rig {rig.name}: the driver simulated is the thesis's arm, whose signals are "
+            f"{', '.join((COMMAND.name, *CHANNEL_NAMES))}: simulate another arm by the driver twin "
+            "or mujoco"
+        )
     return SimulatedRig(rate_hz=rig.rate_hz)
 
 
@@ -83,7 +91,8 @@ def driven(rig: RigDescription, folder: Path) -> Rig:
     rig : RigDescription
         The rig.
     folder : Path
-        Where a driver's relative file begins: the folder of the description.
+        Where a driver's relative file begins, and those of its settings: the folder of the
+        description.
 
     Raises
     ------
@@ -94,8 +103,12 @@ def driven(rig: RigDescription, folder: Path) -> Rig:
         return DRIVERS[rig.driver](rig, folder)
     driver = _own(rig.driver, folder) if ":" in rig.driver else _installed(rig.driver)
     path = Path(inspect.getsourcefile(driver) or "")
+    # A class that asks for them has the description and its folder beside its settings.
+    wanted = inspect.signature(driver).parameters
+    beside = {"rig": rig, "folder": folder}
+    settings = {**rig.settings, **{name: beside[name] for name in beside if name in wanted}}
     try:
-        made: Rig = driver(**rig.settings)
+        made: Rig = driver(**settings)
     except FlexarmError:
         raise
     except Exception as error:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flexarm_core.clock import Clock
     from flexarm_daq.loop.deadman import Deadman
     from flexarm_daq.loop.exchange import Link
-    from flexarm_daq.loop.limiter import Limiter
+    from flexarm_daq.loop.limiter import Gate
     from flexarm_daq.loop.sensor_check import SensorCheck
     from flexarm_daq.loop.watchdog import Watchdog
     from flexarm_daq.rigs.rig_protocol import Rig
@@ -75,7 +75,7 @@ class Acquisition(Exchange):
 
     Parameters
     ----------
-    rig, limiter, watchdog, sensors, link, rate_hz
+    rig, gate, watchdog, sensors, link, rate_hz
         See `Exchange`.
     samples : int
         Number of periods after which the run ends; 0 runs until it is stopped.
@@ -99,7 +99,7 @@ class Acquisition(Exchange):
     def __init__(
         self,
         rig: Rig,
-        limiter: Limiter,
+        gate: Gate,
         watchdog: Watchdog,
         sensors: SensorCheck,
         link: Link,
@@ -113,7 +113,7 @@ class Acquisition(Exchange):
         clock: Clock | None = None,
     ) -> None:
         super().__init__(
-            *(rig, limiter, watchdog, sensors, link),
+            *(rig, gate, watchdog, sensors, link),
             rate_hz=rate_hz,
             statistics_s=statistics_s,
             deadman=deadman,

@@ -13,17 +13,10 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from enum import Enum
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
-
-class Command(NamedTuple):
-    """Request of a controller in answer to one sample, V."""
-
-    sequence: int
-    state_sequence: int
-    effort_v: float
-    compensation_v: float
-    stamp_ns: int = 0
+if TYPE_CHECKING:
+    from flexarm_core.signals import Command
 
 
 class Verdict(Enum):

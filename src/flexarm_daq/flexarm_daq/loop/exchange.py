@@ -9,31 +9,30 @@ import math
 from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from flexarm_core.channels import CHANNELS
 from flexarm_daq.loop.commander import Commander, Verdict
 from flexarm_daq.loop.safety import DriveState, Event, Safety
 from flexarm_daq.rigs.rig_protocol import RigError
 from flexarm_node.statistics import Window
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     import numpy as np
     from numpy.typing import NDArray
 
-    from flexarm_daq.loop.commander import Command
+    from flexarm_core.signals import Command
     from flexarm_daq.loop.deadman import Deadman
-    from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+    from flexarm_daq.loop.limiter import Gate, InputLimits
     from flexarm_daq.loop.sensor_check import SensorCheck
     from flexarm_daq.loop.watchdog import Watchdog
     from flexarm_daq.rigs.rig_protocol import Rig, RigSample
 
 
 class Applied(NamedTuple):
-    """Command in force: volts after the limiter, and the number of its command."""
+    """Commands in force behind the gate, and the number of their command."""
 
-    command_v: float
-    compensation_v: float
+    commands: tuple[float, ...]
+    compensations: tuple[float, ...]
     command_sequence: int
 
 
@@ -47,17 +46,14 @@ class Record(NamedTuple):
     sequence: int
     time_s: float
     taken_s: float
-    volts: NDArray[np.float64]
-    command_v: float
-    compensation_v: float
+    outputs: NDArray[np.float64]
+    commands: tuple[float, ...]
+    compensations: tuple[float, ...]
     command_sequence: int
 
     def start_ns(self, now_ns: int, now_s: float) -> int:
         """Return the start of the rig's time on another clock, given both clocks at one instant."""
         return now_ns - round((now_s - self.taken_s + self.time_s) * 1e9)
-
-
-_NOTHING = Applied(0.0, 0.0, 0)
 
 
 class Link(Protocol):
@@ -90,8 +86,8 @@ class Exchange:
     ----------
     rig : Rig
         Rig under control.
-    limiter : Limiter
-        Last gate before the rig.
+    gate : Gate
+        Limits of the commands, last before the rig.
     watchdog : Watchdog
         Check of the command's age.
     sensors : SensorCheck
@@ -128,7 +124,7 @@ class Exchange:
     def __init__(
         self,
         rig: Rig,
-        limiter: Limiter,
+        gate: Gate,
         watchdog: Watchdog,
         sensors: SensorCheck,
         link: Link,
@@ -138,7 +134,8 @@ class Exchange:
         deadman: Deadman | None = None,
     ) -> None:
         self._rig = rig
-        self._limiter = limiter
+        self._gate = gate
+        self._at_rest = Applied(gate.rest, (0.0,) * len(gate.rest), 0)
         self._watchdog = watchdog
         self._sensors = sensors
         self._link = link
@@ -146,8 +143,8 @@ class Exchange:
         self._overdue = 0
         self._period_s = 1.0 / rate_hz
         self._emergency = False
-        self._position_v = 0.0
-        self._applied = _NOTHING
+        self._outputs: NDArray[np.float64] | None = None
+        self._applied = self._at_rest
         self._tick_s = 0.0
         self._sample_time_s = -math.inf
         self._started_s = (math.nan, math.nan)
@@ -179,9 +176,9 @@ class Exchange:
         time_s, tick_s = self._started_s
         return self._tick_s - tick_s, self._sample_time_s - time_s
 
-    def limit(self, settings: LimiterSettings) -> None:
+    def limit(self, limits: Iterable[InputLimits]) -> None:
         """Take other limits from the next command on; any thread may call."""
-        self._limiter.settings = settings
+        self._gate.limits = limits
 
     def emergency_stop(self) -> None:
         """Hold the drive at zero from the next tick to the end of the run; any thread may call."""
@@ -196,10 +193,9 @@ class Exchange:
             When the rig fails, a channel is missing, or the rig's clock stands still.
         """
         sample = self._rig.read()
-        if len(sample.volts) != len(CHANNELS):
-            raise RigError(
-                f"short reading: {len(sample.volts)} of {len(CHANNELS)} channels, check the board"
-            )
+        read, wanted = len(sample.outputs), self._sensors.outputs
+        if read != wanted:
+            raise RigError(f"short reading: {read} of {wanted} channels, check the board")
         if not sample.time_s > self._sample_time_s:
             raise RigError(
                 f"the rig's clock stands still after {sample.time_s:.4f} s, check the board"
@@ -218,11 +214,11 @@ class Exchange:
         self._look_for_faults(sample)
         if not self.safety.driving:
             self._let_go()
-        self._position_v = float(sample.volts[0])
+        self._outputs = sample.outputs
         self._sample_time_s = sample.time_s
         if self.taken == 1:
             self._started_s = (sample.time_s, now_s)
-        record = Record(self.sequence, sample.time_s, now_s, sample.volts, *in_force)
+        record = Record(self.sequence, sample.time_s, now_s, sample.outputs, *in_force)
         self._watched(lambda: self._link.publish(record))
 
     def _watched(self, work: Callable[[], None]) -> None:
@@ -246,7 +242,7 @@ class Exchange:
         in_time = answered != self._overdue and self._watchdog.in_time(answered)
         verdict = self.commander.judge(command, self.sequence, in_time=in_time)
         if verdict is Verdict.CONFLICT:
-            self._write(_NOTHING)
+            self._write(self._at_rest)
             # They may go on for ever, and each look at the graph would hold up the loop.
             if self.safety.state is not DriveState.HELD:
                 self._hold(Event.TWO_COMMANDERS, self._two_commanders(command))
@@ -258,14 +254,14 @@ class Exchange:
         if self._emergency:
             return verdict
         self.safety.on(Event.COMMAND)
-        if not self.safety.driving:
+        if not self.safety.driving or self._outputs is None:
             return verdict
-        limited = self._limiter.apply(
-            command.effort_v, command.compensation_v, self._position_v, self._period_s
+        limited = self._gate.apply(
+            command.efforts, command.compensations, self._outputs.tolist(), self._period_s
         )
         self.limited += bool(limited.reasons)
         self.limited_by.update(limited.reasons)
-        self._write(Applied(limited.command_v, limited.compensation_v, command.sequence))
+        self._write(Applied(limited.commands, limited.compensations, command.sequence))
         return verdict
 
     def _two_commanders(self, command: Command) -> str:
@@ -284,9 +280,9 @@ class Exchange:
 
     def _let_go(self) -> None:
         """Take the drive to zero if it is not there; the next command starts from zero."""
-        if self._applied != _NOTHING:
-            self._write(_NOTHING)
-            self._limiter.reset()
+        if self._applied != self._at_rest:
+            self._write(self._at_rest)
+            self._gate.reset()
 
     def _hold(self, event: Event, reason: str) -> None:
         """Take an event that ends the driving for good, and note the time of the first."""
@@ -295,7 +291,7 @@ class Exchange:
             self.held_s = max(0, self.sequence - 1) * self._period_s
 
     def _look_for_faults(self, sample: RigSample) -> None:
-        complaint = self._sensors.complaint(sample.time_s, sample.volts)
+        complaint = self._sensors.complaint(sample.time_s, sample.outputs)
         if complaint:
             self._hold(Event.SENSOR_FAULT, complaint)
         if self._emergency:
@@ -305,5 +301,5 @@ class Exchange:
             self.safety.on(Event.STALE)
 
     def _write(self, applied: Applied) -> None:
-        self._rig.write(applied.command_v)
+        self._rig.write(applied.commands)
         self._applied = applied

@@ -23,7 +23,7 @@ from flexarm_daq.rigs.rig_protocol import RigError, absent_channels
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_daq.loop.limiter import Limiter
+    from flexarm_daq.loop.limiter import Gate
     from flexarm_daq.rigs.rig_protocol import Rig
 
 PULSE_V: Final = 2.0
@@ -149,7 +149,7 @@ def complaint(answers: tuple[Answer, ...]) -> str:
     )
 
 
-def run_self_test(rig: Rig, limiter: Limiter, rate_hz: float, *, paced: bool) -> None:
+def run_self_test(rig: Rig, gate: Gate, rate_hz: float, *, paced: bool) -> None:
     """Open the rig, pulse it, judge it, and close it with the drive at zero.
 
     Noise or a swinging arm can leave a try undecided; the test is then repeated.
@@ -158,7 +158,7 @@ def run_self_test(rig: Rig, limiter: Limiter, rate_hz: float, *, paced: bool) ->
     ----------
     rig : Rig
         Rig, closed.
-    limiter : Limiter
+    gate : Gate
         Gate before it: the pulses stay within its limits.
     rate_hz : float
         Sampling rate, Hz.
@@ -175,8 +175,8 @@ def run_self_test(rig: Rig, limiter: Limiter, rate_hz: float, *, paced: bool) ->
         rig.open()
         for attempt in range(_TRIES):
             if attempt:
-                _follow(rig, limiter, np.zeros(round(_SETTLE_S * rate_hz)), rate_hz, paced=paced)
-            judged = judge(*_follow(rig, limiter, profile_v(rate_hz), rate_hz, paced=paced))
+                _follow(rig, gate, np.zeros(round(_SETTLE_S * rate_hz)), rate_hz, paced=paced)
+            judged = judge(*_follow(rig, gate, profile_v(rate_hz), rate_hz, paced=paced))
             answers = tuple(answer for answer in judged if answer.channel not in absent)
             if any(answer.verdict == WRONG_SIGN for answer in answers):
                 break
@@ -206,17 +206,17 @@ def check_possible(rate_hz: float, max_command_v: float) -> None:
 
 
 def _follow(
-    rig: Rig, limiter: Limiter, commands_v: NDArray[np.float64], rate_hz: float, *, paced: bool
+    rig: Rig, gate: Gate, commands_v: NDArray[np.float64], rate_hz: float, *, paced: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Apply the commands in turn; return the commands in force and the samples."""
     in_force_v = np.zeros(len(commands_v))
     volts = np.zeros((len(commands_v), len(CHANNELS)))
     applied_v = 0.0
-    limiter.reset()
+    gate.reset()
     for k, wanted_v in enumerate(commands_v):
         deadline_s = time.monotonic() + 1.0 / rate_hz
         in_force_v[k] = applied_v
-        volts[k] = rig.read().volts
+        volts[k] = rig.read().outputs
         position_v = volts[k, 0]
         if abs(position_v) > _MAX_START_V:
             raise SelfTestError(
@@ -229,8 +229,9 @@ def _follow(
                 f"{'at a small pulse' if in_force_v.any() else 'with the drive at zero'}: wait "
                 "until the arm rests; else check the sensor, the arm and the drive's gain"
             )
-        applied_v = limiter.apply(wanted_v, 0.0, position_v, 1.0 / rate_hz).command_v
-        rig.write(applied_v)
+        commands = gate.apply([wanted_v], [0.0], volts[k].tolist(), 1.0 / rate_hz).commands
+        rig.write(commands)
+        (applied_v,) = commands
         if paced:
             time.sleep(max(0.0, deadline_s - time.monotonic()))
     return in_force_v, volts

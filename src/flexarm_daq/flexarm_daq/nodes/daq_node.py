@@ -1,4 +1,4 @@
-"""DAQ node: samples the rig, publishes `state`, applies commands and reports its own figures.
+"""DAQ node: samples the rig, publishes the samples, applies commands, reports its own figures.
 
 The node is a managed node. Configuration checks the parameters and makes the topics. Activation
 starts the sampling, and deactivation stops it with the drive at zero.
@@ -20,7 +20,7 @@ from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.complaints import Complaints
 from flexarm_daq.loop.deadman import Deadman
-from flexarm_daq.loop.limiter import LIMITS, Limiter, LimiterSettings
+from flexarm_daq.loop.limiter import LIMITS, Gate, LimiterSettings, arm_gate, rig_gate
 from flexarm_daq.loop.safety import COUNTED
 from flexarm_daq.loop.self_test import run_self_test
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
@@ -41,6 +41,7 @@ from flexarm_node.loop_node import LoopNode
 from flexarm_node.process import run
 from flexarm_node.stamps import stamp_text
 from flexarm_node.statistics import Rate
+from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
     import threading
@@ -111,11 +112,12 @@ class DaqNode(LoopNode):
     def prepare(self) -> None:
         """Build the rig, and wait until every reader will get the first sample."""
         values = self.parameters.values()
-        rig, settings = _rig_and_limits(values)
+        rig = _checked_rig(values)
         self._rig = rig
+        gate = self._gate(values)
         virtual = is_virtual(values)
         if wants_self_test(values):
-            run_self_test(rig, Limiter(settings), values["rate_hz"], paced=not virtual)
+            run_self_test(rig, gate, values["rate_hz"], paced=not virtual)
             self.get_logger().info("self-test: every channel answers with the right sign")
         self._link.start(
             values["rate_hz"],
@@ -130,15 +132,16 @@ class DaqNode(LoopNode):
         )
         self._rate = Rate()
         self._complaints = Complaints(values["rate_hz"])
-        watchdog = Watchdog(1.0 / values["rate_hz"], values["max_age_periods"])
+        age_periods = values["max_age_periods"] or self.description.safety.max_age_periods
+        watchdog = Watchdog(1.0 / values["rate_hz"], age_periods)
         deadman = None
         if self._handover is not None and not virtual:
             deadman = Deadman(watchdog.longest_answer_s, rig.safe_stop, self._tell_held_up)
         self._acquisition = Acquisition(
             rig,
-            Limiter(settings),
+            gate,
             watchdog,
-            SensorCheck(values["rate_hz"], _sensor_limits(values), absent_channels(rig)),
+            self._sensors(values, rig),
             self._link,
             rate_hz=values["rate_hz"],
             samples=values["samples"],
@@ -147,6 +150,20 @@ class DaqNode(LoopNode):
             statistics_s=values["statistics_s"],
             deadman=deadman,
         )
+
+    def _gate(self, values: Mapping[str, Any]) -> Gate:
+        """Return the limits of the commands: parameters of the thesis's arm, or the description."""
+        if is_thesis_arm(self.description):
+            return arm_gate(_limits(values))
+        return rig_gate(self.description)
+
+    def _sensors(self, values: Mapping[str, Any], rig: Rig) -> SensorCheck:
+        """Return the check of the sensors; without noise, a resting arm looks stuck."""
+        rate_hz, absent = values["rate_hz"], absent_channels(rig)
+        if is_thesis_arm(self.description):
+            return SensorCheck(rate_hz, _sensor_limits(values), absent)
+        limits = SensorLimits(stuck_samples=self.description.safety.stuck_samples)
+        return SensorCheck(rate_hz, limits, absent, self.description)
 
     def loop(self, stopping: threading.Event) -> None:
         """Sample until told to stop, or until all samples are taken."""
@@ -229,7 +246,8 @@ class DaqNode(LoopNode):
 
     def _accept(self, values: Mapping[str, Any]) -> None:
         """Refuse values that do not fit together, or cannot change while the loop runs."""
-        _rig_and_limits(values)
+        _limits(values)
+        _checked_rig(values)
         pace = values["real_time_factor"]
         if 0.0 < pace < _SLOWEST_PACE:
             raise SettingError(
@@ -247,7 +265,7 @@ class DaqNode(LoopNode):
         """Take the limits and the payload at once."""
         self._tell_pace(values)
         if self._acquisition is not None:
-            self._acquisition.limit(_limits(values))
+            self._acquisition.limit(self._gate(values).limits)
         if isinstance(self._rig, SimulatedRig):
             self._rig.change_payload(values["payload_kg"])
 
@@ -269,21 +287,19 @@ class DaqNode(LoopNode):
         return response
 
 
-def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
-    """Build the rig and the limits; raise SettingError when the values do not fit together."""
-    settings = _limits(values)
+def _checked_rig(values: Mapping[str, Any]) -> Rig:
+    """Build the rig; raise SettingError when the values do not fit together."""
     rig = make_rig(values)
     if values["fault"] == _NO_FAULT:
-        return rig, settings
-    if values["rig"] != "simulated":
+        return rig
+    if not isinstance(rig, SimulatedRig):
         raise SettingError(f"fault = '{values['fault']}' needs rig = 'simulated'")
-    faulty = FaultyRig(
+    return FaultyRig(
         rig,
         Fault(values["fault"]),
         after_samples=values["fault_after_samples"],
         channel=values["fault_channel"],
     )
-    return faulty, settings
 
 
 def _limits(values: Mapping[str, Any]) -> LimiterSettings:

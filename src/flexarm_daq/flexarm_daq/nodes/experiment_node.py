@@ -8,18 +8,21 @@ the arm.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flexarm_core.channels import BOUND_V, MAX_COMMAND_V
+from flexarm_core.channels import BOUND_V, MAX_COMMAND_V, TRAVEL_V
 from flexarm_core.tables import read_table
 from flexarm_daq.experiments.excitation import EXCITATIONS, Excitation
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
+from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from flexarm_node.topics.layout import Numbers
+    from flexarm_core.rig_description import RigDescription
+    from flexarm_core.signals import Sample
+    from flexarm_node.answering_node import Answer
 
 PARAMETERS = read_table(
     "flexarm_daq.nodes",
@@ -28,8 +31,69 @@ PARAMETERS = read_table(
 )
 
 
-def _excitation(values: Mapping[str, Any]) -> Excitation:
-    return EXCITATIONS[values["waveform"]](values["magnitude_v"], values["seed"])
+# Inputs beyond the first take a waveform at another pace, by so many parts of the first one's.
+_PACE = 7
+
+
+def _excitation(values: Mapping[str, Any], number: int = 0) -> Excitation:
+    return EXCITATIONS[values["waveform"]](values["magnitude_v"], values["seed"] + number)
+
+
+class Driven(NamedTuple):
+    """Excitation of one input: the waveforms are in volts of the thesis's arm.
+
+    Attributes
+    ----------
+    excitation : Excitation
+        The waveform.
+    pace : float
+        Its time in that of the arm.
+    rest, per_volt : float
+        Command at rest, and change of it for 1 V of the waveform.
+    place : int or None
+        Output with the position of the joint.
+    middle, volts_per_unit : float
+        Middle of its travel, and volts of the thesis's position for one unit of it.
+    """
+
+    excitation: Excitation
+    pace: float
+    rest: float = 0.0
+    per_volt: float = 1.0
+    place: int | None = 0
+    middle: float = 0.0
+    volts_per_unit: float = 1.0
+
+    def effort(self, time_s: float, outputs: Sequence[float]) -> float:
+        """Return the command of the input at a sample."""
+        position = self.middle if self.place is None else outputs[self.place]
+        position_v = self.volts_per_unit * (position - self.middle)
+        return self.rest + self.per_volt * self.excitation.step(time_s * self.pace, position_v)
+
+
+def driven_inputs(rig: RigDescription, values: Mapping[str, Any]) -> tuple[Driven, ...]:
+    """Return the excitation of each input: its limits stand for 10 V, its travel for 6.857 V."""
+    if is_thesis_arm(rig):
+        return (Driven(_excitation(values), 1.0),)
+    joints = {each.input: each for each in rig.joints}
+    found = []
+    for number, each in enumerate(rig.inputs):
+        reach = min(each.high - each.rest, each.rest - each.low)
+        driven = Driven(
+            _excitation(values, number),
+            1.0 + number / _PACE,
+            rest=each.rest,
+            per_volt=reach / MAX_COMMAND_V,
+            place=None,
+        )
+        if joint := joints.get(each.name):
+            driven = driven._replace(
+                place=rig.output_names.index(joint.angle),
+                middle=0.5 * (joint.low + joint.high),
+                volts_per_unit=joint.sign * 2.0 * TRAVEL_V / (joint.high - joint.low),
+            )
+        found.append(driven)
+    return tuple(found)
 
 
 class ExperimentNode(AnsweringNode):
@@ -45,17 +109,19 @@ class ExperimentNode(AnsweringNode):
 
     def prepare(self) -> None:
         """Make the excitation; parameters that change later act in the next run."""
-        self._excitation = _excitation(self.parameters.values())
+        self._driven = driven_inputs(self.description, self.parameters.values())
         super().prepare()
 
     def begin(self) -> None:
         """Begin the experiment again from the start."""
-        self._excitation.reset()
+        for each in self._driven:
+            each.excitation.reset()
 
-    def answer(self, state: Numbers, taken_ns: int) -> tuple[float, float]:
-        """Return the command, which is effort alone."""
-        time_s = (taken_ns - self.run_start_ns) * 1e-9
-        return self._excitation.step(time_s, state.position_v), 0.0
+    def answer(self, sample: Sample) -> Answer:
+        """Return the commands, which are effort alone."""
+        time_s = (sample.taken_ns - self.run_start_ns) * 1e-9
+        efforts = tuple(each.effort(time_s, sample.outputs) for each in self._driven)
+        return efforts, (0.0,) * len(efforts)
 
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""

@@ -6,17 +6,18 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexarm_core.channels import CHANNEL_NAMES, COMMAND
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.rig_description import load_rig
-from flexarm_daq.drivers.registry import DRIVERS, driven, require_methods
+from flexarm_daq.drivers.registry import driven, require_methods
+from flexarm_daq.drivers.scaled_rig import ScaledRig
 from flexarm_daq.loop.self_test import check_possible
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
 from flexarm_daq.rigs.rig_protocol import absent_channels, has_virtual_time
 from flexarm_daq.rigs.simulated import SimulatedRig
+from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,15 +37,14 @@ def rig_name(values: Mapping[str, Any]) -> str:
 
 
 def driver_name(values: Mapping[str, Any]) -> str:
-    """Return the name of the driver: the rig's own, or that of the description that it names.
+    """Return the name of the rig's driver.
 
     Raises
     ------
     SettingError
         If there is no such description, or it is wrong.
     """
-    rig: str = values["rig"]
-    return rig if rig in DRIVERS else load_rig(rig).driver
+    return load_rig(values["rig"]).driver
 
 
 def is_virtual(values: Mapping[str, Any]) -> bool:
@@ -67,12 +67,12 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
         check_possible(values["rate_hz"], values["max_command_v"])
     if driver_name(values) not in SIMULATORS and values["time"] == "virtual":
         raise SettingError(
-            f"time = 'virtual', as --fast has it, needs a rig of a driver "
-            f"{' or '.join(SIMULATORS)}, and rig = '{values['rig']}' has real time: leave it out"
+            f"time = 'virtual', as --fast has it, needs a simulated rig, and rig = "
+            f"'{values['rig']}' has real time: leave it out"
         )
     rig = chosen_rig(values)
     require_methods(rig)
-    require_channels(rig)
+    require_channels(rig, load_rig(values["rig"]))
     return rig
 
 
@@ -88,36 +88,19 @@ def chosen_rig(values: Mapping[str, Any]) -> Rig:
         wired |= {"sensors": tuple(wired["sensors"]), "rate_hz": values["rate_hz"]}
         return NidaqRig(NidaqSettings(**wired))
     description = load_rig(values["rig"])
-    require_thesis_signals(description)
     if description.rate_hz != values["rate_hz"]:
         raise SettingError(
             f"rate_hz = {values['rate_hz']:g} of the node and {description.rate_hz:g} of "
             f"{values['rig']}: give the node rate_hz:={description.rate_hz}"
         )
-    rig = driven(description, Path(values["rig"]).parent)
-    if has_virtual_time(rig) and not is_virtual(values):
-        rig.clock = time.monotonic  # type: ignore[attr-defined]
-    return rig
+    driver = driven(description, Path(values["rig"]).parent)
+    if has_virtual_time(driver) and not is_virtual(values):
+        driver.clock = time.monotonic  # type: ignore[attr-defined]
+    return ScaledRig(driver, description)
 
 
-def require_thesis_signals(rig: RigDescription) -> None:
-    """Refuse a rig with other signals than the thesis's arm, which no node drives yet.
-
-    Raises
-    ------
-    SettingError
-        When it has other ones.
-    """
-    if rig.input_names != (COMMAND.name,) or rig.output_names != CHANNEL_NAMES:
-        raise SettingError(
-            f"rig {rig.name} has the signals {', '.join((*rig.input_names, *rig.output_names))}; "
-            f"the nodes drive an arm of {', '.join((COMMAND.name, *CHANNEL_NAMES))}, in this "
-            "order, with `absent: true` at those that it lacks"
-        )
-
-
-def require_channels(rig: Rig) -> None:
-    """Refuse a rig whose absent channels are none of the channels.
+def require_channels(rig: Rig, description: RigDescription) -> None:
+    """Refuse a rig whose absent channels are none of its outputs.
 
     Raises
     ------
@@ -125,10 +108,11 @@ def require_channels(rig: Rig) -> None:
         When one of them is not.
     """
     for name in absent_channels(rig):
-        if name not in CHANNEL_NAMES:
+        names = description.output_names
+        if name not in names:
             raise SettingError(
                 f"the rig's class {type(rig).__name__} has absent_channels with {name!r}"
-                f"{nearest(name, CHANNEL_NAMES)}: name some of {', '.join(CHANNEL_NAMES)}"
+                f"{nearest(name, names)}: name some of {', '.join(names)}"
             )
 
 
@@ -155,7 +139,6 @@ def _simulated(values: Mapping[str, Any]) -> SimulatedRig:
 
 def wants_self_test(values: Mapping[str, Any]) -> bool:
     """Return whether the rig is to be pulsed before it is armed."""
-    return bool(
-        values["self_test"] == "on"
-        or (values["self_test"] == "auto" and driver_name(values) not in SIMULATORS)
-    )
+    if values["self_test"] != "auto":
+        return bool(values["self_test"] == "on")
+    return is_thesis_arm(load_rig(values["rig"])) and driver_name(values) not in SIMULATORS

@@ -2,39 +2,30 @@
 
 from __future__ import annotations
 
-import math
 import time
 from typing import TYPE_CHECKING
 
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
-from flexarm_core.channels import CHANNELS, COMMAND, DRIVE_A_PER_V
-from flexarm_daq.loop.commander import Command
-from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB, bend_angles
-from flexarm_daq.rigs.rig_parameters import RigParameters
-from flexarm_msgs.msg import ArmState, MotorCommand
+from flexarm_core.signals import Sample
+from flexarm_daq.nodes.joint_view import joint_view
+from flexarm_msgs.msg import ChannelInfo
 from flexarm_node import qos
 from flexarm_node.node_time import beside_steady_clock
-from flexarm_node.stamps import joined_ns, set_stamp, stamp_members
+from flexarm_node.stamps import set_stamp
 from flexarm_node.topics.handover import CommandWaiter
-from flexarm_node.topics.layout import Layout
 from flexarm_node.topics.waiting import TopicWaiter, await_acknowledged, node_names, wait_until
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
+    from flexarm_core.signals import Command
     from flexarm_daq.loop.exchange import Record
     from flexarm_node.loop_node import LoopNode
     from flexarm_node.topics.handover import DirectHandover
-    from flexarm_node.topics.layout import Numbers
 
-_POSITION, _, _, _SPEED = CHANNELS
-_ARM = RigParameters()
-_TORQUE_NM_PER_A = _ARM.motor_gain_nm_per_v / DRIVE_A_PER_V
-_BEND_ANGLES = bend_angles(_ARM)
-_UNKNOWN = [math.nan] * len(BEND_JOINTS)
-"""Speed and torque of a virtual joint: no sensor tells them."""
 _JOINT_STATES_HZ = 50.0
 _CLOCK = "/clock"
 _BACKLOG = 2000
@@ -62,26 +53,30 @@ class TopicLink:
     def __init__(self, node: LoopNode, handover: DirectHandover | None = None) -> None:
         self._node = node
         self._handover = handover
-        self._publisher = node.create_publisher(ArmState, "state", qos.SENT)
-        self._joint_states = node.create_publisher(JointState, "joint_states", qos.SENT)
-        frame = {"header.frame_id": node.frame}
-        self._layout = Layout(ArmState, frame)
-        commands = Layout(MotorCommand, frame)
-        self._commands = (
-            TopicWaiter(node, commands, "command", qos.NEWEST)
-            if handover is None
-            # Its own commands come there too, and must not hide another one.
-            else CommandWaiter(handover, TopicWaiter(node, commands, "command", qos.EVERY))
+        codec = node.codec
+        self._samples = codec.samples
+        self._publisher = node.create_publisher(
+            codec.samples.message_type, codec.sample_topic, qos.SENT
         )
+        self._channels = node.create_publisher(ChannelInfo, "io_channels", qos.STATUS)
+        self._description = node.create_publisher(String, "rig_description", qos.STATUS)
+        self._joint_states = node.create_publisher(JointState, "joint_states", qos.SENT)
+        # The commands of this process come on the topic too, and must not hide another one.
+        heard = TopicWaiter(
+            *(node, codec.commands, codec.command_topic),
+            qos.NEWEST if handover is None else qos.EVERY,
+        )
+        self._commands = heard if handover is None else CommandWaiter(handover, heard)
         self._clock: Publisher[Clock] | None = None
         self._shared = 0
         self._now = Clock()
-        self._joint = JointState(name=[HUB, *BEND_JOINTS])
+        self._view = joint_view(node.description)
+        self._joint = JointState(name=[*self._view.names])
         self._joint.header.frame_id = node.frame
         self._joint_every = 1
         self._start_ns = 0
         self.newest_ns = 0
-        self._unsent: tuple[Numbers, Record] | None = None
+        self._unsent: tuple[Sample, Record] | None = None
         self._is_others_turn = False
         self._virtual = False
 
@@ -89,6 +84,7 @@ class TopicLink:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
         self._virtual = virtual
         self.newest_ns = 0
+        self._tell_rig()
         if not (virtual and clock):
             self._release_clock()
         elif self._clock is None:
@@ -112,15 +108,14 @@ class TopicLink:
             clock = self._node.time.now_ns if self._clock is None else time.time_ns
             self._start_ns = record.start_ns(*beside_steady_clock(clock))
         self.newest_ns = self._start_ns + round(record.time_s * 1e9)
-        state = (
-            *stamp_members(self.newest_ns),
+        sample = Sample(
+            self.newest_ns,
             record.sequence,
-            *record.volts.tolist(),
-            record.command_v,
-            record.compensation_v,
+            tuple(record.outputs.tolist()),
+            record.commands,
+            record.compensations,
             record.command_sequence,
         )
-        sample = self._layout.named(*state)
         if self._handover is None or not self._handover.answers:
             self._send(sample, record)
             return
@@ -134,8 +129,8 @@ class TopicLink:
             self._send(*unsent)
             self._handover.acted()
 
-    def _send(self, sample: Numbers, record: Record) -> None:
-        self._publisher.publish(self._layout.pack(*sample))
+    def _send(self, sample: Sample, record: Record) -> None:
+        self._publisher.publish(self._samples.pack(sample))
         if self._virtual and record.sequence % _BACKLOG == 0:
             # The arm's time waits for its recorder as well.
             self.await_readers()
@@ -148,21 +143,13 @@ class TopicLink:
     def wait(self, timeout_s: float) -> Command | None:
         """Return the newest command, or None when none came in time."""
         until_s = time.monotonic() + timeout_s
-        message = None
+        command = None
         if self._unsent is not None:
-            message = self._commands.wait_newest(0.0)
-        if message is None:
+            command = self._commands.wait_newest(0.0)
+        if command is None:
             self.acted()
-            message = self._commands.wait_newest(max(0.0, until_s - time.monotonic()))
-        if message is None:
-            return None
-        return Command(
-            message.sequence,
-            message.state_sequence,
-            message.effort_v,
-            message.compensation_v,
-            joined_ns(message.header_stamp_sec, message.header_stamp_nanosec),
-        )
+            command = self._commands.wait_newest(max(0.0, until_s - time.monotonic()))
+        return command
 
     def spare_time(self) -> None:
         """Let the node report its figures, or the commander of this process."""
@@ -208,6 +195,8 @@ class TopicLink:
         self._release_clock()
         self._node.destroy_publisher(self._publisher)
         self._node.destroy_publisher(self._joint_states)
+        self._node.destroy_publisher(self._channels)
+        self._node.destroy_publisher(self._description)
 
     def _release_clock(self) -> None:
         if self._clock is not None:
@@ -217,8 +206,23 @@ class TopicLink:
     def _publish_joints(self, record: Record) -> None:
         joint = self._joint
         set_stamp(joint.header.stamp, self.newest_ns)
-        position_v, *strains_v, speed_v = record.volts.tolist()
-        joint.position = [_POSITION.to_si(position_v), *(_BEND_ANGLES @ strains_v)]
-        joint.velocity = [_SPEED.to_si(speed_v), *_UNKNOWN]
-        joint.effort = [COMMAND.to_si(record.command_v) * _TORQUE_NM_PER_A, *_UNKNOWN]
+        joint.position, joint.velocity, joint.effort = self._view.of(
+            record.outputs.tolist(), record.commands
+        )
         self._joint_states.publish(joint)
+
+    def _tell_rig(self) -> None:
+        """Publish what the signals mean, for recorders and latecomers."""
+        rig = self._node.description
+        info = ChannelInfo(
+            sampling_rate_hz=rig.rate_hz,
+            input_names=list(rig.input_names),
+            input_units=[each.unit for each in rig.inputs],
+            output_names=list(rig.output_names),
+            output_units=[each.unit for each in rig.outputs],
+            source=rig.name,
+        )
+        info.header.frame_id = self._node.frame
+        set_stamp(info.header.stamp, self._node.time.now_ns())
+        self._channels.publish(info)
+        self._description.publish(String(data=rig.text))

@@ -13,6 +13,8 @@ from flexarm_core.errors import SettingError
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from flexarm_daq.rigs.rig_protocol import Rig
@@ -159,17 +161,17 @@ class FaultyRig:
         sample = self._rig.read()
         self._samples += 1
         if self._fault in SENSOR_FAULTS:
-            return RigSample(sample.time_s, self._sensor.spoiled(sample.volts))
+            return RigSample(sample.time_s, self._sensor.spoiled(sample.outputs))
         if self._is_broken():
             sample = self._spoiled(sample)
         self._last_s = sample.time_s
         return sample
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
         """Command the drive; see `Rig.write`."""
         if self._is_broken() and self._fault is Fault.WRITE_ERROR:
             raise RigError("injected: the command could not be written")
-        self._rig.write(command_v)
+        self._rig.write(commands)
 
     def safe_stop(self) -> None:
         """Set the drive to zero."""
@@ -184,9 +186,9 @@ class FaultyRig:
 
     def _spoiled(self, sample: RigSample) -> RigSample:
         if self._fault is Fault.SHORT_READ:
-            return RigSample(sample.time_s, sample.volts[:-1])
+            return RigSample(sample.time_s, sample.outputs[:-1])
         if self._fault is Fault.FROZEN_TIME:
-            return RigSample(self._last_s, sample.volts)
+            return RigSample(self._last_s, sample.outputs)
         if self._fault is Fault.READ_ERROR:
             raise RigError("injected: the reading failed")
         if self._fault is Fault.EXCEPTION:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -25,18 +27,19 @@ class DriveNotStoppedError(RigError):
 
 
 class RigSample(NamedTuple):
-    """Readings of the four sensors at one instant.
+    """Readings of all sensors at one instant.
 
     Attributes
     ----------
     time_s : float
         Instant of the sample, since the rig was opened, s.
-    volts : ndarray, (4,)
-        Voltages in the order of `flexarm_core.channels.CHANNELS`.
+    outputs : ndarray, (outputs,)
+        Readings in the order of the rig's description: for the thesis's arm the four voltages of
+        `flexarm_core.channels.CHANNELS`.
     """
 
     time_s: float
-    volts: NDArray[np.float64]
+    outputs: NDArray[np.float64]
 
 
 class Rig(Protocol):
@@ -66,7 +69,7 @@ class Rig(Protocol):
         """
 
     def read(self) -> RigSample:
-        """Sample the four channels now, or return the next sample of the rig's own clock.
+        """Sample all channels now, or return the next sample of the rig's own clock.
 
         `time_s` is the instant of the sample, also after a period that was skipped.
 
@@ -76,18 +79,18 @@ class Rig(Protocol):
             If the rig is not open or the reading failed.
         """
 
-    def write(self, command_v: float) -> None:
-        """Command the drive; the command acts at once and until the next write.
+    def write(self, commands: Sequence[float]) -> None:
+        """Command the drives; the commands act at once and until the next write.
 
         Parameters
         ----------
-        command_v : float
-            Command of the drive, -10 to 10 V.
+        commands : sequence of float, (inputs,)
+            Commands in the order of the rig's description, within its limits.
 
         Raises
         ------
         RigError
-            If the rig is not open, the command is not finite or the writing failed.
+            If the rig is not open, a command is not finite or the writing failed.
         """
 
     def safe_stop(self) -> None:

@@ -14,7 +14,7 @@ from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -64,7 +64,7 @@ class SimulatedRig:
     >>> rig.open()
     >>> rig.read().time_s
     0.0
-    >>> rig.write(2.0)
+    >>> rig.write([2.0])
     >>> round(rig.read().time_s * 300)
     1
     """
@@ -134,8 +134,9 @@ class SimulatedRig:
         """Return the present sensor voltages without noise and quantisation, V."""
         return self._plant.outputs_v()
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
         """Command the drive through the converter, which clips at 10 V; see `Rig.write`."""
+        (command_v,) = commands
         self._require_open()
         if not math.isfinite(command_v):
             raise RigError(f"command_v must be finite, got {command_v}")
@@ -162,7 +163,7 @@ class SimulatedRig:
     def safe_stop(self) -> None:
         """Set the drive to zero; never raises."""
         if self._is_open:
-            self.write(0.0)
+            self.write([0.0])
 
     def close(self) -> None:
         """Set the drive to zero and close; `open` starts again from rest."""

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from flexarm_node.topics.layout import Numbers
+    from flexarm_core.signals import Command, Sample
     from flexarm_node.topics.waiting import TopicWaiter
 
     Work = Callable[[], None]
@@ -52,28 +52,28 @@ class DirectHandover:
         self.answers = False
         self.waits = False
         self.turn = threading.Lock()
-        self._answer: Callable[[Numbers], None] | None = None
+        self._answer: Callable[[Sample], None] | None = None
         self._spare_time: Work = _nothing
         self._was_asked = False
-        self._command: Numbers | None = None
+        self._command: Command | None = None
         self._rest: Work = _nothing
         self._failure: Exception | None = None
-        self._given: deque[Numbers] = deque(maxlen=_REMEMBERED)
+        self._given: deque[Command] = deque(maxlen=_REMEMBERED)
 
-    def ask(self, state: Numbers) -> None:
+    def ask(self, sample: Sample) -> None:
         """Have a sample answered, where the node that commands is active."""
         with self.turn:
             if self._answer is not None:
                 self._was_asked = True
                 answer = self._answer
-                self._do(lambda: answer(state))
+                self._do(lambda: answer(sample))
 
-    def give(self, command: Numbers, rest: Work = _nothing) -> None:
+    def give(self, command: Command, rest: Work = _nothing) -> None:
         """Hand a command over; called by the answer, which leaves the rest of its work."""
         self._given.append(command)
         self._command, self._rest = command, rest
 
-    def take(self) -> Numbers | None:
+    def take(self) -> Command | None:
         """Return the command that was given; None when there is none, or it was taken."""
         command, self._command = self._command, None
         return command
@@ -102,7 +102,7 @@ class DirectHandover:
             raise failure
 
     @contextmanager
-    def answering(self, answer: Callable[[Numbers], None], spare_time: Work) -> Iterator[None]:
+    def answering(self, answer: Callable[[Sample], None], spare_time: Work) -> Iterator[None]:
         """Tell the other end that commands are to be expected from this one.
 
         Parameters
@@ -123,7 +123,7 @@ class DirectHandover:
                 self._answer, self._spare_time = None, _nothing
                 self._do_rest()
 
-    def was_given(self, command: Numbers) -> bool:
+    def was_given(self, command: Command) -> bool:
         """Return whether a command from the topic is one that was handed over."""
         return any(command == own for own in reversed(self._given))
 
@@ -167,7 +167,7 @@ class CommandWaiter:
         """Return how many publishers of the topic the graph knows."""
         return self._others.publishers()
 
-    def wait_newest(self, timeout_s: float) -> Numbers | None:
+    def wait_newest(self, timeout_s: float) -> Command | None:
         """Return a command, or None when none came in time."""
         # Its reader would be full one day, and no message on the topic acknowledged any more.
         if self._others_are_next and (other := self._of_others(0.0)) is not None:
@@ -187,6 +187,6 @@ class CommandWaiter:
         self._others.close()
         self._handover.take()
 
-    def _of_others(self, timeout_s: float) -> Numbers | None:
+    def _of_others(self, timeout_s: float) -> Command | None:
         heard = self._others.wait_all(timeout_s)
         return next((each for each in reversed(heard) if not self._handover.was_given(each)), None)

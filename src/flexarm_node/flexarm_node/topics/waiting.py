@@ -8,7 +8,7 @@ touches rclpy's internal `WaitSet` and `take_message`.
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.duration import Duration
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
     from rclpy.topic_endpoint_info import TopicEndpointInfo
-
-    from flexarm_node.topics.layout import Layout, Numbers
 
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _MATCH_TIMEOUT_S = 7.0
@@ -110,20 +108,37 @@ class RawMessage(NamedTuple):
     """Instant of publication, nanoseconds since the epoch."""
 
 
-class TopicWaiter:
-    """A subscription that one thread waits on, for the numbers of the messages.
+ContentT_co = TypeVar("ContentT_co", covariant=True)
+
+
+class Unpacking(Protocol[ContentT_co]):
+    """Reading of one message type: a `Layout`, or a packing of samples or commands."""
+
+    message_type: type
+
+    def unpack(self, raw: bytes) -> ContentT_co | None:
+        """Return the content of a message with the usual layout; None for another one."""
+
+    def numbers(self, message: object) -> ContentT_co | None:
+        """Return the content of a message object; None for one that has none."""
+
+
+class TopicWaiter(Generic[ContentT_co]):
+    """A subscription that one thread waits on, for the content of the messages.
 
     Parameters
     ----------
     node : Node
         Owner of the subscription.
-    layout : Layout
+    layout : Unpacking
         Usual layout of the messages; others are read by rclpy, which takes longer.
     topic, qos
         As for `Node.create_subscription`.
     """
 
-    def __init__(self, node: Node, layout: Layout, topic: str, qos: QoSProfile) -> None:
+    def __init__(
+        self, node: Node, layout: Unpacking[ContentT_co], topic: str, qos: QoSProfile
+    ) -> None:
         self._layout = layout
         self._waiting = _WaitSet(node, [(layout.message_type, topic, qos)])
 
@@ -136,7 +151,7 @@ class TopicWaiter:
         """Return how many publishers of the topic the graph knows."""
         return self._waiting.publishers(0)
 
-    def wait_newest(self, timeout_s: float) -> Numbers | None:
+    def wait_newest(self, timeout_s: float) -> ContentT_co | None:
         """Return a message, or None when none came in time.
 
         With the QoS `NEWEST` the reader holds the newest alone. To look for another one behind it
@@ -148,7 +163,7 @@ class TopicWaiter:
             taken = self._waiting.take(0)
         return None if taken is None else self._read(taken[0])
 
-    def wait_all(self, timeout_s: float) -> list[Numbers]:
+    def wait_all(self, timeout_s: float) -> list[ContentT_co]:
         """Return all waiting messages, or those that come within the time; possibly none."""
         messages = self._take_all()
         if not messages and timeout_s > 0.0:
@@ -160,19 +175,19 @@ class TopicWaiter:
         """Remove the subscription. No thread may be waiting any more."""
         self._waiting.close()
 
-    def _take_all(self) -> list[Numbers]:
+    def _take_all(self) -> list[ContentT_co]:
         messages = []
         while (taken := self._waiting.take(0)) is not None:
-            numbers = self._read(taken[0])
-            if numbers is not None:
-                messages.append(numbers)
+            found = self._read(taken[0])
+            if found is not None:
+                messages.append(found)
         return messages
 
-    def _read(self, raw: bytes) -> Numbers | None:
-        """Return the numbers of a message; None for bytes of no message, which rclpy drops too."""
-        numbers = self._layout.unpack(raw)
-        if numbers is not None:
-            return numbers
+    def _read(self, raw: bytes) -> ContentT_co | None:
+        """Return the content of a message; None for bytes of no message, which rclpy drops too."""
+        found = self._layout.unpack(raw)
+        if found is not None:
+            return found
         message = message_of(raw, self._layout.message_type)
         return None if message is None else self._layout.numbers(message)
 

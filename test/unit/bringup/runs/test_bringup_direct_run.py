@@ -35,7 +35,7 @@ class BrokenRig(SimulatedRig):
     def read(self) -> RigSample:
         sample = super().read()
         if sample.time_s > 0.0999:
-            sample.volts[3] = np.nan
+            sample.outputs[3] = np.nan
         return sample
 
 

@@ -153,7 +153,7 @@ def test_command_that_the_gate_cuts___is_heard_of(
 ) -> None:
     """A law that does not hear it overshoots by 14 to 22 % at 2 V, and by 7 to 11 % at 50 V/s."""
     rig = SimulatedRig(RigParameters(payload_kg=payload_kg), seed=1)
-    gate, law = Limiter(LimiterSettings(**limit)), build_law("lqg")
+    gate, law = Limiter(LimiterSettings(**limit).limits()), build_law("lqg")
 
     def acting_v(answer: Effort) -> float:
         return gate.apply(*answer, position_v=0.0, interval_s=1.0 / 300.0).command_v

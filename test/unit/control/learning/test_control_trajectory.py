@@ -54,7 +54,7 @@ def test_trajectory___of_a_hub_that_bends___is_that_of_a_rig_without_friction() 
     for command_v in asked.command_v.tolist():
         rig.read()
         outputs_v.append(rig.outputs_v())
-        rig.write(sum(Effort(command_v, 0.0)))
+        rig.write([sum(Effort(command_v, 0.0))])
 
     moved = len(asked) - 310
     left_v = (asked.position_v - np.array(outputs_v)[:, 0])[:moved]

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_daq.loop.commander import Command, Verdict
+from flexarm_core.signals import Command
+from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.limiter import LimiterSettings
 from flexarm_daq.loop.safety import DriveState
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
@@ -180,7 +181,7 @@ def test_real_time___answers_go_on_over_skipped_periods___from_one_commander(clo
     count = iter(range(1, 100))
 
     def answer(record: Record) -> list[tuple[float, Command]]:
-        return [(0.0, Command(next(count), record.sequence, 2.0, 0.0))]
+        return [(0.0, Command(next(count), record.sequence, (2.0,), (0.0,)))]
 
     bench = Bench(clock, answer, virtual=False, samples=30)
     bench.rig.slow_reads_s.update({5: 1.5 * PERIOD_S, 6: 9.5 * PERIOD_S, 7: 0.5 * PERIOD_S})
@@ -311,7 +312,7 @@ def test_two_commanders___the_drive_is_held_at_zero(clock: Clock) -> None:
         first = reply(record, 2.0)
         if record.sequence < 4:
             return [(0.0, first)]
-        return [(0.0, first), (0.0, first._replace(effort_v=-3.0))]
+        return [(0.0, first), (0.0, first._replace(efforts=(-3.0,)))]
 
     bench = Bench(clock, answer, virtual=True, samples=12).run()
 
@@ -326,7 +327,7 @@ def test_second_commander___of_other_count___is_refused_until_the_first_goes_on(
 ) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:
         first = reply(record, 2.0)
-        second = Command(record.sequence - 4, record.sequence, -3.0, 0.0)
+        second = Command(record.sequence - 4, record.sequence, (-3.0,), (0.0,))
         return [(0.0, second), (0.0, first)] if record.sequence == 5 else [(0.0, first)]
 
     bench = Bench(clock, answer, virtual=True, samples=9).run()
@@ -342,7 +343,7 @@ def test_two_commanders_that_go_on___are_looked_up_once(
     def answer(record: Record) -> list[tuple[float, Command]]:
         return [
             (0.0, reply(record, 2.0)),
-            (0.0, Command(record.sequence, record.sequence, -3.0, 0.0)),
+            (0.0, Command(record.sequence, record.sequence, (-3.0,), (0.0,))),
         ]
 
     bench = Bench(clock, answer, virtual=True, samples=50)
@@ -366,7 +367,7 @@ def test_commander_that_starts_again___takes_over_after_a_silence(clock: Clock) 
             return []
         if record.sequence < 4:
             return [(0.0, reply(record, 2.0))]
-        return [(0.0, Command(record.sequence - 7, record.sequence, 3.0, 0.0))]
+        return [(0.0, Command(record.sequence - 7, record.sequence, (3.0,), (0.0,)))]
 
     bench = Bench(clock, answer, virtual=True, samples=11).run()
     assert bench.acquisition.safety.reason == ""

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_daq.loop.commander import Command, Verdict
+from flexarm_core.signals import Command
+from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.safety import DriveState, Event
 from support.acquisition_bench import PERIOD_S, Bench, Clock, reply
 
@@ -39,7 +40,7 @@ def test_answers_to_an_old_sample___are_refused_and_never_drive(
 ) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:
         sample = record.sequence - age
-        return [(0.0, Command(record.sequence, sample, 2.0, 0.0))] if sample > 0 else []
+        return [(0.0, Command(record.sequence, sample, (2.0,), (0.0,)))] if sample > 0 else []
 
     bench = Bench(clock, answer, virtual=virtual, samples=age + 30).run()
 

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_daq.loop.commander import Command, Commander, Verdict
+from flexarm_core.signals import Command
+from flexarm_daq.loop.commander import Commander, Verdict
 
 NEWEST = 10_000
 
@@ -18,7 +19,7 @@ def following(*commands: Command) -> Commander:
 
 
 def command(sequence: int, sample: int, effort_v: float = 1.0, stamp_ns: int = 0) -> Command:
-    return Command(sequence, sample, effort_v, 0.0, stamp_ns)
+    return Command(sequence, sample, (effort_v,), (0.0,), stamp_ns)
 
 
 @pytest.mark.parametrize(

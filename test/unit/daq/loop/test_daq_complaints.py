@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from flexarm_core.signals import Command
 from flexarm_daq.loop.acquisition import LockStep
-from flexarm_daq.loop.commander import Command
 from flexarm_daq.loop.complaints import Complaints
 from support.acquisition_bench import RATE_HZ, WIDE, Bench, at_once, never, reply
 
@@ -63,7 +63,7 @@ def test_commander_that_ends___is_told(clock: Clock) -> None:
 
 
 def test_commander_that_does_not_count___is_told(clock: Clock) -> None:
-    told = complaint(clock, lambda record: [(0.0, Command(7, record.sequence, 1.0, 0.0))])
+    told = complaint(clock, lambda record: [(0.0, Command(7, record.sequence, (1.0,), (0.0,)))])
     assert told.startswith("commands come and none is obeyed: their numbers (sequence) do not grow")
 
 

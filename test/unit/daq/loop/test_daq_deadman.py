@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from flexarm_core.signals import Command
 from flexarm_daq.loop.acquisition import Acquisition
-from flexarm_daq.loop.commander import Command, Verdict
+from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.deadman import Deadman
-from flexarm_daq.loop.limiter import Limiter
+from flexarm_daq.loop.limiter import arm_gate
 from flexarm_daq.loop.safety import DriveState, Event
 from flexarm_daq.loop.sensor_check import SensorCheck
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.rig_protocol import RigSample
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from flexarm_daq.loop.exchange import Record
 
 PATIENCE_S = 60.0
@@ -42,7 +45,8 @@ class Rig:
         time_s = time.monotonic() - self._start_s
         return RigSample(time_s, np.array([0.1, 0.1, 0.2, 0.3]) * (1.0 + time_s % 0.1))
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
+        (command_v,) = commands
         self.drive_v = command_v
 
     def safe_stop(self) -> None:
@@ -71,7 +75,7 @@ class HangingLaw:
             self.after_v.append(self._rig.drive_v)
         self._hang("answer")
         number = len(self.sequences)
-        self._answer = Command(number, record.sequence, 0.5, 0.0, number)
+        self._answer = Command(number, record.sequence, (0.5,), (0.0,), number)
 
     def wait(self, timeout_s: float) -> Command | None:
         answer, self._answer = self._answer, None
@@ -106,7 +110,7 @@ def test_law_that_hangs___drive_is_at_zero_meanwhile___and_is_driven_by_the_next
     watchdog = Watchdog(1.0 / RATE_HZ)
     loop = Acquisition(
         rig,
-        Limiter(),
+        arm_gate(),
         watchdog,
         SensorCheck(RATE_HZ),
         law,

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flexarm_core.signals import Command
 from flexarm_daq.loop.acquisition import LockStep
-from flexarm_daq.loop.commander import Command, Verdict
+from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.exchange import Record
 from support.acquisition_bench import (
     PERIOD_S,
@@ -46,9 +47,9 @@ def test_records___hold_the_sample_and_the_parts_of_the_command(clock: Clock) ->
 
     first, second = bench.link.records
     assert (first.time_s, second.time_s) == (0.0, PERIOD_S)
-    np.testing.assert_array_equal(second.volts, [0.0, 0.1, 0.2, 0.3])
-    assert (first.command_v, first.compensation_v) == (0.0, 0.0)
-    assert (second.command_v, second.compensation_v) == (2.5, 0.5)
+    np.testing.assert_array_equal(second.outputs, [0.0, 0.1, 0.2, 0.3])
+    assert (first.commands, first.compensations) == ((0.0,), (0.0,))
+    assert (second.commands, second.compensations) == ((2.5,), (0.5,))
 
 
 @pytest.mark.parametrize("samples", [1, 2, 7])
@@ -227,7 +228,7 @@ def test_lock_step___late_answer___is_refused_when_a_newer_one_acts(clock: Clock
 def test_duplicate_and_future_commands___are_refused_and_counted(clock: Clock) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:
         command = reply(record, 1.0)
-        future = command._replace(state_sequence=record.sequence + 1, effort_v=9.0)
+        future = command._replace(state_sequence=record.sequence + 1, efforts=(9.0,))
         return [(0.0, future), (0.0, command), (0.0, command)]
 
     bench = Bench(clock, answer, virtual=True, samples=3).run()
@@ -245,14 +246,16 @@ def test_duplicate_and_future_commands___are_refused_and_counted(clock: Clock) -
 
 
 def test_answer_to_no_sample___is_refused(clock: Clock) -> None:
-    bench = Bench(clock, lambda _: [(0.0, Command(1, 0, 5.0, 0.0))], virtual=True, samples=3).run()
+    bench = Bench(
+        clock, lambda _: [(0.0, Command(1, 0, (5.0,), (0.0,)))], virtual=True, samples=3
+    ).run()
     assert bench.rig.writes == []
     assert bench.acquisition.refused == 2
     assert bench.acquisition.unanswered == 2
 
 
 def test_first_record___tells_when_the_rigs_time_began() -> None:
-    record = Record(1, 0.25, 100.0, np.zeros(4), 0.0, 0.0, 0)
+    record = Record(1, 0.25, 100.0, np.zeros(4), (0.0,), (0.0,), 0)
     assert record.start_ns(now_ns=5_000_000_000, now_s=100.5) == 4_250_000_000
 
 

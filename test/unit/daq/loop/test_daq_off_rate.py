@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
-from flexarm_daq.loop.limiter import Limiter
+from flexarm_daq.loop.limiter import arm_gate
 from flexarm_daq.loop.sensor_check import SensorCheck
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.nidaq.board import NidaqRig
@@ -33,7 +33,7 @@ def off_rate(
     with acquisition_clock() as clock:
         loop = Acquisition(
             LoggingRig(clock, virtual=counts),
-            Limiter(),
+            arm_gate(),
             Watchdog(1.0 / rate_hz),
             SensorCheck(rate_hz, NO_NOISE),
             ScriptedLink(clock, never),

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from flexarm_core.signals import Command
 from flexarm_daq.loop import acquisition
 from flexarm_daq.loop.acquisition import Acquisition
-from flexarm_daq.loop.commander import Command
-from flexarm_daq.loop.limiter import Limiter
+from flexarm_daq.loop.limiter import arm_gate
 from flexarm_daq.loop.sensor_check import SensorCheck
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.nidaq.board import NidaqRig
@@ -79,7 +79,7 @@ class Controller:
             self._machine.sleep(timeout_s + 1e-6)
             return None
         self._machine.sleep(REPLY_S)
-        return Command(sequence, sequence, 0.5, 0.0, 1)
+        return Command(sequence, sequence, (0.5,), (0.0,), 1)
 
     def commanders(self) -> list[str]:
         """Return nothing: nobody is asked for."""
@@ -101,7 +101,7 @@ def run(monkeypatch: pytest.MonkeyPatch, drift: float, stall_at: int = 0) -> Acq
     )
     loop = Acquisition(
         rig,
-        Limiter(),
+        arm_gate(),
         Watchdog(1.0 / RATE_HZ),
         SensorCheck(RATE_HZ),
         Controller(machine, stall_at),

@@ -12,7 +12,7 @@ from support.acquisition_bench import PERIOD_S, Bench, Clock, reply
 from support.project import PROJECT
 
 if TYPE_CHECKING:
-    from flexarm_daq.loop.commander import Command
+    from flexarm_core.signals import Command
     from flexarm_daq.loop.exchange import Record
 
 DRAWING = PROJECT / "docs" / "images" / "states.svg"
@@ -100,7 +100,7 @@ class Walk:
         if has_happened and self.event is Event.STALE:
             return []
         if has_happened and self.event is Event.TWO_COMMANDERS:
-            return [(0.0, command), (0.0, command._replace(effort_v=-2.0))]
+            return [(0.0, command), (0.0, command._replace(efforts=(-2.0,)))]
         if self.state is DriveState.READY and not (has_happened and self.event is Event.COMMAND):
             return []
         return [(0.0, command)]

@@ -7,7 +7,7 @@ import pytest
 
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
-from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+from flexarm_daq.loop.limiter import LimiterSettings, arm_gate
 from flexarm_daq.loop.self_test import (
     PULSE_V,
     RIGHT,
@@ -30,7 +30,7 @@ from support.nidaq_board import Board
 from support.nidaqmx_double import NidaqmxDouble
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -57,11 +57,12 @@ class Rewired:
 
     def read(self) -> RigSample:
         sample = self._rig.read()
-        return RigSample(sample.time_s, self._wiring(sample.volts.copy()))
+        return RigSample(sample.time_s, self._wiring(sample.outputs.copy()))
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
+        (command_v,) = commands
         self.written_v.append(command_v)
-        self._rig.write(self._drive * command_v)
+        self._rig.write([self._drive * command_v])
 
     def safe_stop(self) -> None:
         self._rig.safe_stop()
@@ -80,7 +81,7 @@ def scaled(channel: int, factor: float, offset_v: float = 0.0) -> Wiring:
 
 
 def run(rig: Rig, rate_hz: float = RATE_HZ, limits: LimiterSettings | None = None) -> None:
-    run_self_test(rig, Limiter(limits), rate_hz, paced=False)
+    run_self_test(rig, arm_gate(limits), rate_hz, paced=False)
 
 
 @pytest.mark.parametrize("rate_hz", [200.0, 300.0, 500.0])

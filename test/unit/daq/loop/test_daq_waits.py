@@ -12,7 +12,7 @@ from flexarm_daq.loop.safety import Event
 from support.acquisition_bench import PERIOD_S, TIMEOUT_S, Bench, Clock, reply
 
 if TYPE_CHECKING:
-    from flexarm_daq.loop.commander import Command
+    from flexarm_core.signals import Command
     from flexarm_daq.loop.exchange import Record
 
 
@@ -52,7 +52,7 @@ def test_lock_step___drive_is_held___no_sample_waits_for_an_answer(
     bench.run()
 
     held = [record for record in bench.link.records if record.sequence > 3]
-    assert [record.command_v for record in held[1:]] == [0.0] * 5
+    assert [record.commands[0] for record in held[1:]] == [0.0] * 5
     taken_s = np.array([record.taken_s for record in held])
     np.testing.assert_allclose(np.diff(taken_s), PERIOD_S / (factor or 1.0), rtol=1e-6)
 

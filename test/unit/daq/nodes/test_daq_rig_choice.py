@@ -9,6 +9,7 @@ from flexarm_daq.nodes.rig_choice import is_virtual, make_rig
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.rig_protocol import METHODS
 from flexarm_daq.rigs.simulated import SimulatedRig
+from flexarm_node.loop_node import PARAMETERS as LOOP_PARAMETERS
 
 
 @pytest.mark.parametrize(
@@ -27,7 +28,7 @@ def test_time___auto___is_virtual_for_the_simulated_rig_alone(
 
 
 def test_fast___for_a_real_rig___is_refused_by_its_name() -> None:
-    values = {spec.name: spec.default for spec in PARAMETERS}
+    values = {spec.name: spec.default for spec in (*PARAMETERS, *LOOP_PARAMETERS)}
     with pytest.raises(SettingError, match=r"^time = 'virtual', as --fast has it, .* leave it out"):
         make_rig(values | {"rig": "nidaq", "time": "virtual"})
 
@@ -42,7 +43,7 @@ def test_rig___that_lacks_a_method___is_refused(
     monkeypatch: pytest.MonkeyPatch, lacking: str
 ) -> None:
     monkeypatch.setattr(SimulatedRig, lacking, None)
-    values = {spec.name: spec.default for spec in PARAMETERS}
+    values = {spec.name: spec.default for spec in (*PARAMETERS, *LOOP_PARAMETERS)}
     with pytest.raises(SettingError, match=rf"class SimulatedRig has no method {lacking}: a rig"):
         make_rig(values)
 
@@ -51,6 +52,6 @@ def test_rig___with_an_absent_channel_that_is_none___is_refused_with_the_nearest
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(SimulatedRig, "absent_channels", ("speed",), raising=False)
-    values = {spec.name: spec.default for spec in PARAMETERS}
+    values = {spec.name: spec.default for spec in (*PARAMETERS, *LOOP_PARAMETERS)}
     with pytest.raises(SettingError, match=r"absent_channels with 'speed' \(nearest: speed_v\): "):
         make_rig(values)

@@ -50,10 +50,10 @@ def test_each_rig___reads_what_a_simulated_rig_reads(rig: int) -> None:
     single.open()
     for sample in range(SAMPLES):
         # The rig's periods are differences of instants, with their rounding.
-        np.testing.assert_allclose(batch.read()[rig], single.read().volts, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(batch.read()[rig], single.read().outputs, rtol=0.0, atol=1e-9)
         np.testing.assert_allclose(batch.outputs_v[rig], single.outputs_v(), rtol=0.0, atol=1e-9)
         batch.write(command_v[sample], all_moving(batch))
-        single.write(command_v[sample, rig])
+        single.write([command_v[sample, rig]])
 
 
 def test_commands_of_a_converter_s_steps___move_as_one_call_does() -> None:

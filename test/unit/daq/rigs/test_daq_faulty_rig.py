@@ -26,12 +26,12 @@ def samples(
     found = []
     for _ in range(count):
         found.append(rig.read())
-        rig.write(3.0)
+        rig.write([3.0])
     return found
 
 
 def of(found: list[RigSample], channel: str) -> list[float]:
-    return [float(sample.volts[CHANNEL_NAMES.index(channel)]) for sample in found]
+    return [float(sample.outputs[CHANNEL_NAMES.index(channel)]) for sample in found]
 
 
 @pytest.mark.parametrize("fault", SENSOR_FAULTS)
@@ -79,7 +79,7 @@ def test_noise_burst___is_over_after_thirty_samples() -> None:
 
 
 def test_short_read___and_frozen_time___of_the_converter() -> None:
-    lengths = [len(sample.volts) for sample in samples(Fault.SHORT_READ)]
+    lengths = [len(sample.outputs) for sample in samples(Fault.SHORT_READ)]
     assert lengths == [4] * GOOD + [3] * (60 - GOOD)
     times_s = [sample.time_s for sample in samples(Fault.FROZEN_TIME)]
     assert set(times_s[GOOD:]) == {times_s[GOOD - 1]}
@@ -100,10 +100,10 @@ def test_write_error___lets_safe_stop_through_and_heals_at_the_next_opening() ->
     for _ in range(2):
         rig.open()
         rig.read()
-        rig.write(3.0)
+        rig.write([3.0])
         rig.read()
         with pytest.raises(RigError, match="injected"):
-            rig.write(3.0)
+            rig.write([3.0])
         rig.safe_stop()
         assert inner._command_v == 0.0
         rig.close()

@@ -46,8 +46,8 @@ def record(rig: SimulatedRig, samples: int) -> NDArray[np.float64]:
     rows = []
     for _ in range(samples):
         sample = rig.read()
-        rows.append(np.append(sample.time_s, sample.volts))
-        rig.write(feedback(sample.volts))
+        rows.append(np.append(sample.time_s, sample.outputs))
+        rig.write([feedback(sample.outputs)])
     return np.array(rows)
 
 
@@ -56,7 +56,7 @@ def test_rig___simulated___is_a_rig() -> None:
     rig.open()
     sample = rig.read()
     assert isinstance(sample, RigSample)
-    assert sample.volts.shape == (4,)
+    assert sample.outputs.shape == (4,)
     rig.close()
 
 
@@ -75,25 +75,25 @@ def test_virtual_time___command___acts_after_the_reply_delay() -> None:
     rig = opened(parameters=SILENT)
     plant = Plant(SILENT)
     rig.read()
-    rig.write(3.0)
+    rig.write([3.0])
     plant.advance(0.0, DELAY_S)
     plant.advance(3.0, PERIOD_S - DELAY_S)
-    np.testing.assert_allclose(rig.read().volts, plant.outputs_v(), atol=1e-8)
-    rig.write(-2.0)
+    np.testing.assert_allclose(rig.read().outputs, plant.outputs_v(), atol=1e-8)
+    rig.write([-2.0])
     plant.advance(3.0, DELAY_S)
     plant.advance(-2.0, PERIOD_S - DELAY_S)
-    np.testing.assert_allclose(rig.read().volts, plant.outputs_v(), atol=1e-8)
+    np.testing.assert_allclose(rig.read().outputs, plant.outputs_v(), atol=1e-8)
 
 
 def test_virtual_time___no_answer___keeps_the_command_in_force() -> None:
     rig = opened(parameters=replace(SILENT, loop_delay_s=0.0))
     plant = Plant(SILENT)
-    rig.write(3.0)
+    rig.write([3.0])
     for _ in range(31):
         sample = rig.read()
     plant.advance(3.0, 30 * PERIOD_S)
-    np.testing.assert_allclose(sample.volts, plant.outputs_v(), atol=1e-3)
-    assert sample.volts[0] > 0.1
+    np.testing.assert_allclose(sample.outputs, plant.outputs_v(), atol=1e-3)
+    assert sample.outputs[0] > 0.1
 
 
 def test_real_time___clock_on_the_grid___is_virtual_time() -> None:
@@ -103,9 +103,9 @@ def test_real_time___clock_on_the_grid___is_virtual_time() -> None:
     for k in range(300):
         clock.now_s = k / 300.0
         sample = rig.read()
-        rows.append(np.append(sample.time_s, sample.volts))
+        rows.append(np.append(sample.time_s, sample.outputs))
         clock.now_s = k / 300.0 + DELAY_S
-        rig.write(feedback(sample.volts))
+        rig.write([feedback(sample.outputs)])
     np.testing.assert_array_equal(rows, record(opened(seed=5), 300))
 
 
@@ -119,27 +119,27 @@ def test_real_time___epoch_of_the_clock___is_the_opening() -> None:
 def test_real_time___clock_standing_still___reads_the_same_instant() -> None:
     clock = FakeClock()
     rig = opened(parameters=SILENT, clock=clock)
-    rig.write(2.0)
+    rig.write([2.0])
     clock.now_s = 0.1
     first = rig.read()
     second = rig.read()
     assert first.time_s == second.time_s
-    np.testing.assert_array_equal(first.volts, second.volts)
+    np.testing.assert_array_equal(first.outputs, second.outputs)
 
 
 def test_real_time___long_gap___is_cut_short() -> None:
     clock = FakeClock()
     rig = opened(parameters=SILENT, clock=clock)
     plant = Plant(SILENT)
-    rig.write(0.8)
+    rig.write([0.8])
     clock.now_s = 1e6
     sample = rig.read()
     plant.advance(0.8, MAX_CATCH_UP_S)
     assert sample.time_s == 1e6
-    np.testing.assert_allclose(sample.volts, plant.outputs_v(), atol=1e-8)
+    np.testing.assert_allclose(sample.outputs, plant.outputs_v(), atol=1e-8)
     clock.now_s += 0.01
     plant.advance(0.8, 0.01)
-    np.testing.assert_allclose(rig.read().volts, plant.outputs_v(), atol=1e-6)
+    np.testing.assert_allclose(rig.read().outputs, plant.outputs_v(), atol=1e-6)
 
 
 def test_open___again___starts_afresh() -> None:
@@ -152,7 +152,7 @@ def test_open___again___starts_afresh() -> None:
 
 def test_noise___at_rest___has_the_stated_spread() -> None:
     rig = opened()
-    volts = np.array([rig.read().volts for _ in range(4000)])
+    volts = np.array([rig.read().outputs for _ in range(4000)])
     quantised = np.hypot(LOW_NOISE_V, 20.0 / 4096.0 / math.sqrt(12.0))
     np.testing.assert_allclose(volts.std(axis=0), quantised, rtol=0.06)
     np.testing.assert_allclose(volts.mean(axis=0), 0.0, atol=0.004)
@@ -160,7 +160,7 @@ def test_noise___at_rest___has_the_stated_spread() -> None:
 
 def test_hum___at_rest___is_a_sine_of_the_mains_in_its_channels() -> None:
     rig = opened(parameters=replace(SILENT, hum_v=(0.0, 0.5, 0.2, 0.0)), seed=3)
-    volts = np.array([rig.read().volts for _ in range(300)])
+    volts = np.array([rig.read().outputs for _ in range(300)])
     lines_v = np.abs(np.fft.rfft(volts, axis=0)) * 2.0 / 300.0
     np.testing.assert_allclose(lines_v[60], (0.0, 0.5, 0.2, 0.0), atol=1e-6)
     assert np.delete(lines_v, 60, axis=0).max() < 1e-6
@@ -184,7 +184,7 @@ def test_converter___twelve_bit___reads_whole_steps() -> None:
 
 def test_converter___beyond_its_range___clips() -> None:
     rig = opened(parameters=replace(SILENT, noise_v=(0.0, 1e3, 0.0, 0.0), adc_bits=12))
-    readings = [rig.read().volts[1] for _ in range(100)]
+    readings = [rig.read().outputs[1] for _ in range(100)]
     assert min(readings) == -10.0
     assert max(readings) == pytest.approx(10.0 - 20.0 / 4096.0)
 
@@ -205,15 +205,15 @@ def test_drive___twelve_bit_magnitude___applies_whole_steps(
     parameters = replace(SILENT, dac_bits=12, coulomb_friction_nm=0.0, backlash_deg=0.0)
     rig = opened(parameters=replace(parameters, loop_delay_s=0.0))
     plant = Plant(parameters)
-    rig.write(command_v)
+    rig.write([command_v])
     rig.read()
     plant.advance(applied_v, PERIOD_S)
-    np.testing.assert_allclose(rig.read().volts, plant.outputs_v(), atol=1e-8)
+    np.testing.assert_allclose(rig.read().outputs, plant.outputs_v(), atol=1e-8)
 
 
 def test_safe_stop___on_a_driven_rig___takes_the_drive_to_zero() -> None:
     rig = opened(parameters=replace(SILENT, loop_delay_s=0.0))
-    rig.write(0.8)
+    rig.write([0.8])
     for _ in range(30):
         rig.read()
     rig.safe_stop()
@@ -221,8 +221,8 @@ def test_safe_stop___on_a_driven_rig___takes_the_drive_to_zero() -> None:
         settled = rig.read()
     for _ in range(300):
         later = rig.read()
-    assert later.volts[0] == pytest.approx(settled.volts[0], abs=0.02)
-    assert abs(later.volts[3]) < 1e-9
+    assert later.outputs[0] == pytest.approx(settled.outputs[0], abs=0.02)
+    assert abs(later.outputs[3]) < 1e-9
 
 
 def test_safe_stop___in_any_state___never_raises() -> None:
@@ -238,7 +238,7 @@ def test_safe_stop___in_any_state___never_raises() -> None:
 
 
 @pytest.mark.parametrize(
-    "use", [lambda rig: rig.read(), lambda rig: rig.write(0.0)], ids=["read", "write"]
+    "use", [lambda rig: rig.read(), lambda rig: rig.write([0.0])], ids=["read", "write"]
 )
 def test_use___of_a_closed_rig___is_refused(use: Callable[[SimulatedRig], object]) -> None:
     rig = SimulatedRig()
@@ -254,7 +254,7 @@ def test_use___of_a_closed_rig___is_refused(use: Callable[[SimulatedRig], object
 def test_write___not_finite___is_refused(command_v: float) -> None:
     rig = opened()
     with pytest.raises(RigError, match="command_v must be finite"):
-        rig.write(command_v)
+        rig.write([command_v])
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -300.0, math.nan, math.inf])
@@ -275,8 +275,8 @@ def test_payload___changed_between_samples___takes_effect_without_a_jump() -> No
         if k == 30:
             rig.change_payload(0.4)
         for each, found in rows.items():
-            found.append(each.read().volts)
-            each.write(3.0)
+            found.append(each.read().outputs)
+            each.write([3.0])
     changed, steady = np.array(rows[rig]), np.array(rows[light])
     assert rig.parameters.payload_kg == 0.4
     np.testing.assert_array_equal(changed[:30], steady[:30])

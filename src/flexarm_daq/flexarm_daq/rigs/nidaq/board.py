@@ -11,6 +11,8 @@ from flexarm_daq.rigs.nidaq.terminals import Drive, NidaqSettings, Sensors
 from flexarm_daq.rigs.rig_protocol import DriveNotStoppedError, RigError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from flexarm_daq.rigs.nidaq.driver import Nidaqmx
     from flexarm_daq.rigs.rig_protocol import RigSample
 
@@ -64,8 +66,9 @@ class NidaqRig:
             self.safe_stop()
             raise
 
-    def write(self, command_v: float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
         """Command the drive, clipped beyond 10 V; see `Rig.write`."""
+        (command_v,) = commands
         _, drive = self._opened()
         if not math.isfinite(command_v):
             self.safe_stop()

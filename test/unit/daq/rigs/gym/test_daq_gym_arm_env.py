@@ -55,10 +55,10 @@ def test_observations___are_the_readings_of_the_rig_that_was_drawn() -> None:
     rig.open()
     assert info["payload_kg"] == episode.rig.payload_kg
     for action in actions(200)[:, 0]:
-        np.testing.assert_allclose(observation[:4], rig.read().volts, atol=1e-6)
+        np.testing.assert_allclose(observation[:4], rig.read().outputs, atol=1e-6)
         assert observation[4] == pytest.approx(episode.set_point_v)
         observation, *_, info = arm.step(action)
-        rig.write(10.0 * float(action[0]))
+        rig.write([10.0 * float(action[0])])
     rig.read()
     np.testing.assert_allclose(info["outputs_v"], rig.outputs_v(), atol=1e-9)
 

@@ -34,7 +34,7 @@ from support.nidaqmx_values import (
 def test_two_rigs_on_one_board___second_is_refused_and_first_goes_on() -> None:
     board, double, first = make()
     first.open()
-    first.write(2.0)
+    first.write([2.0])
     second = NidaqRig(nidaqmx=double)
     with pytest.raises(RigError, match=r"Dev1/ao0 \(magnitude\).*another program holds the board"):
         second.open()

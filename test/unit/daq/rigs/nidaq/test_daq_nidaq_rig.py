@@ -49,7 +49,7 @@ def test_write___direction_flips___magnitude_is_zero_before() -> None:
     rig.open()
     board.writes.clear()
     for command_v in (2.0, 3.0, -4.0, 0.0, -1.0, 12.0):
-        rig.write(command_v)
+        rig.write([command_v])
     assert [(write.channel[-3:], write.volts) for write in board.writes] == [
         ("ao0", 0.0),
         ("ao1", 5.0),
@@ -84,7 +84,7 @@ def test_write___any_commands___drive_has_them_and_turns_at_zero(
     rig.open()
     assert board.command_v == 0.0
     for command_v in commands_v:
-        rig.write(command_v)
+        rig.write([command_v])
         assert board.command_v == np.clip(command_v, -10.0, 10.0)
     rig.close()
     assert board.writes[0].channel == MAGNITUDE
@@ -111,7 +111,7 @@ def test_read___reader_was_late___takes_the_newest_and_shows_the_gap() -> None:
     board.clock.sleep(10.5 / 500.0)
     late = rig.read()
     assert round((late.time_s - first.time_s) * 500.0) == 10
-    assert late.volts[0] == pytest.approx(4.0, abs=0.1)
+    assert late.outputs[0] == pytest.approx(4.0, abs=0.1)
     # Nothing is left over from the gap.
     assert round((rig.read().time_s - late.time_s) * 500.0) == 1
     rig.close()
@@ -121,17 +121,17 @@ def test_read___keeps_its_sample_when_the_next_comes() -> None:
     board, _, rig = make()
     rig.open()
     first = rig.read()
-    kept = first.volts.copy()
+    kept = first.outputs.copy()
     board.sensors = lambda volts: volts + 4.0
     rig.read()
-    np.testing.assert_array_equal(first.volts, kept)
+    np.testing.assert_array_equal(first.outputs, kept)
     rig.close()
 
 
 def test_read___stalled_for_longer_than_the_buffer___is_an_error_and_zero() -> None:
     board, _, rig = make()
     rig.open()
-    rig.write(3.0)
+    rig.write([3.0])
     board.clock.sleep(11.0)
     with pytest.raises(RigError, match=r"Dev1/ai0.*-200279.*overwritten"):
         rig.read()
@@ -143,7 +143,7 @@ def test_read___clock_of_the_board_stops___times_out_within_three_periods() -> N
     board, double, rig = make(rate_hz=100.0)
     rig.open()
     rig.read()
-    rig.write(3.0)
+    rig.write([3.0])
     (task,) = [task for task in double.tasks if task.kind == "ai"]
     task.timing.rate_hz = 1e-3
     started_s = board.clock()
@@ -216,9 +216,9 @@ def test_write___no_finite_command___is_an_error_and_zero() -> None:
     board, _, rig = make()
     for command_v in (float("nan"), float("inf"), -float("inf")):
         rig.open()
-        rig.write(3.0)
+        rig.write([3.0])
         with pytest.raises(RigError, match="command_v must be finite"):
-            rig.write(command_v)
+            rig.write([command_v])
         assert board.outputs_v[MAGNITUDE] == 0.0
         rig.close()
 
@@ -230,14 +230,14 @@ def test_safe_stop_and_close___in_any_state___do_no_harm() -> None:
     assert not double.calls
     rig.open()
     rig.open()
-    rig.write(3.0)
+    rig.write([3.0])
     rig.safe_stop()
     rig.safe_stop()
     assert board.outputs_v[MAGNITUDE] == 0.0
     rig.close()
     rig.close()
     rig.safe_stop()
-    for use in (rig.read, lambda: rig.write(1.0)):
+    for use in (rig.read, lambda: rig.write([1.0])):
         with pytest.raises(RigError, match="not open"):
             use()
 
@@ -252,7 +252,7 @@ board = Board()
 atexit.register(lambda: print("ao0", board.outputs_v["Dev1/ao0"]))
 rig = NidaqRig(nidaqmx=NidaqmxDouble(board))
 rig.open()
-rig.write(3.0)
+rig.write([3.0])
 print("driven", board.command_v)
 {leave}
 """

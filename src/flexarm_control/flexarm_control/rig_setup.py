@@ -1,0 +1,203 @@
+"""Laws and references of a whole rig from the parameters of a controller, and their loop."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from flexarm_control.joint_laws import JointLaws, joint_ways
+from flexarm_control.laws.law_protocol import DriveCommand
+from flexarm_control.laws.switching import Handover
+from flexarm_control.loop_setup import Setup
+from flexarm_core.nearest import nearest
+from flexarm_core.rig_description import described, load_rig
+from flexarm_node.topics.codecs import is_thesis_arm
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from flexarm_control.laws.law_protocol import LawWithMemory, Memory
+    from flexarm_control.laws.registry import LawSpec
+    from flexarm_core.rig_description import RigDescription
+    from flexarm_core.signals import Sample
+
+    Answer = tuple[tuple[float, ...], tuple[float, ...]]
+
+RIG = "rig"
+"""Entry of the text of a setup: the description of a rig that is not the thesis's arm."""
+REFERENCES = "references"
+"""Group of the memory with the set-points of such a rig."""
+
+
+class Loop(Protocol):
+    """Laws of a rig in their loop; they can be replaced between two samples."""
+
+    def replace(self, laws: Sequence[LawWithMemory]) -> None:
+        """Take other laws from the next sample on, without a jump of the commands."""
+
+    def step(self, sample: Sample, references: Sequence[float]) -> Answer:
+        """Return efforts and compensations of all inputs in answer to a sample."""
+
+    def reset(self) -> None:
+        """Return to the state before the first sample."""
+
+    def memory(self) -> Memory:
+        """Return what the next answers follow from; see `LawWithMemory.memory`."""
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from a memory of the same laws."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """Output that a set-point means.
+
+    Attributes
+    ----------
+    name, output : str
+        Name of the joint, and of its output.
+    unit : str
+        Unit of the set-point.
+    low, high : float
+        Ends of the travel.
+    """
+
+    name: str
+    output: str
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class RigSetup:
+    """Laws and references of a rig in force; replaced as a whole, by one assignment.
+
+    Attributes
+    ----------
+    rig : RigDescription
+        The rig.
+    setups : tuple of Setup
+        Law and reference of each joint; of the thesis's arm that of the arm.
+    text : str
+        All that they were built from, as JSON.
+    """
+
+    rig: RigDescription
+    setups: tuple[Setup, ...]
+    text: str
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], rig: RigDescription | None = None) -> RigSetup:
+        """Build laws and references from all parameters of the node, of its rig by default.
+
+        Raises
+        ------
+        SettingError
+            When the values do not fit together, or the rig lacks what the law needs.
+        """
+        rig = rig or load_rig(values[RIG])
+        if is_thesis_arm(rig):
+            setup = Setup.of(values)
+            return cls(rig, (setup,), setup.text)
+        setups = Setup.of_joints(values, rig)
+        return cls(rig, setups, json.dumps({**json.loads(setups[0].text), RIG: rig.text}))
+
+    @property
+    def law_spec(self) -> LawSpec:
+        """Row of the control law."""
+        return self.setups[0].law_spec
+
+    @property
+    def laws(self) -> tuple[LawWithMemory, ...]:
+        """Laws of the joints."""
+        return tuple(each.law for each in self.setups)
+
+    @property
+    def tracks(self) -> tuple[Track, ...]:
+        """Outputs that the set-points mean, in their order."""
+        joints = {each.angle: each for each in self.rig.joints}
+        units = {each.name: each.unit for each in self.rig.outputs}
+        return tuple(
+            Track(joints[name].name, name, units[name], joints[name].low, joints[name].high)
+            for name in joints
+        )
+
+    @property
+    def has_profile(self) -> bool:
+        """Whether the reference is a built-in one or a trajectory."""
+        return self.setups[0].profile is not None
+
+    def profile(self, time_s: float) -> tuple[float, ...]:
+        """Return the set-points of the built-in reference, which every joint follows."""
+        reference = self.setups[0].profile
+        assert reference is not None  # noqa: S101 - see `has_profile`
+        reference_v = reference(time_s)
+        if is_thesis_arm(self.rig):
+            return (reference_v,)
+        return tuple(way.reference(reference_v) for way in joint_ways(self.rig))
+
+    def place(self, joint: str) -> int | None:
+        """Return the place of a joint or its output among the tracks; None for an unknown name."""
+        if not joint and len(self.tracks) == 1:
+            return 0
+        names = [(each.name, each.output) for each in self.tracks]
+        return next((place for place, both in enumerate(names) if joint in both), None)
+
+    def unknown(self, joint: str) -> str:
+        """Return that a joint is not known, or not named."""
+        names = [each.name for each in self.tracks]
+        known = f"the joints are {', '.join(names)}"
+        if not joint:
+            return f"{known}: name one"
+        return f"no joint {joint!r}{nearest(joint, names)}: {known}"
+
+    def check_rate(self, measured_hz: float | None) -> None:
+        """Refuse samples at another rate than that of the laws; see `Setup.check_rate`."""
+        for setup in self.setups:
+            setup.check_rate(measured_hz)
+
+    def loop(self) -> Loop:
+        """Return the laws in a new loop."""
+        return ArmLoop(self.laws) if is_thesis_arm(self.rig) else JointLaws(self.rig, self.laws)
+
+
+def recorded_setup(parameters: Mapping[str, Any]) -> RigSetup:
+    """Return a setup from the parameters that its text holds."""
+    if RIG in parameters:
+        return RigSetup.of(parameters, described(parameters[RIG]))
+    return RigSetup.of(parameters, load_rig("thesis"))
+
+
+class ArmLoop:
+    """Law of the thesis's arm in its loop."""
+
+    def __init__(self, laws: Sequence[LawWithMemory]) -> None:
+        self._handover = Handover(laws[0])
+        self.reset, self.memory = self._handover.reset, self._handover.memory
+        self.remember = self._handover.remember
+
+    def replace(self, laws: Sequence[LawWithMemory]) -> None:
+        """Take another law; see `Loop.replace`."""
+        self._handover.replace(laws[0])
+
+    def step(self, sample: Sample, references: Sequence[float]) -> Answer:
+        """Answer a sample; see `Loop.step`."""
+        drive = DriveCommand(sample.commands[0], sample.compensations[0])
+        effort_v, compensation_v = self._handover.step(sample.outputs, references[0], drive)
+        return (effort_v,), (compensation_v,)
+
+
+def first_references(setup: RigSetup, sample: Sample) -> tuple[float, ...]:
+    """Return the set-points before one was given: the arm stays where it is.
+
+    That of the thesis's arm is zero.
+    """
+    if is_thesis_arm(setup.rig):
+        return (0.0,)
+    places = [setup.rig.output_names.index(each.output) for each in setup.tracks]
+    return tuple(
+        min(max(sample.outputs[place], track.low), track.high)
+        for place, track in zip(places, setup.tracks, strict=True)
+    )
