@@ -132,7 +132,7 @@ class Daq(Process):
         """Change the limits, at once."""
         self.limits = limits
         if self.loop is not None:
-            self.loop.limit(limits)
+            self.loop.limit([limits.limits()])
             self._oracle.limits = limits
 
     def emergency_stop(self) -> None:

@@ -26,5 +26,6 @@ setup(
             "controller_node = flexarm_control.controller_node:main",
             "tuner_node = flexarm_control.tuner_node:main",
         ],
+        "flexarm.rigs": ["twin = flexarm_control.twin:TwinRig"],
     },
 )

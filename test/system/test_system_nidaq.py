@@ -114,7 +114,7 @@ def test_wrong_sign___is_not_activated_and_the_reason_is_one_line(
     )
     assert writes(tmp_path)[-1] == ("Dev1/ao0", 0.0)
 
-    assert "a rig of a driver simulated or mujoco" in graph.refusal("daq", {"time": "virtual"})
+    assert "needs a simulated rig" in graph.refusal("daq", {"time": "virtual"})
     assert "names no board" in graph.refusal("daq", {"nidaq.device": ""})
     assert "max_command_v of 2 or more" in graph.refusal("daq", {"max_command_v": 1.0})
     assert not graph.refusal("daq", {"max_command_v": 1.0, "self_test": "off"})

@@ -11,6 +11,7 @@ from flexarm_bags.reader import (
     ARM_STATE,
     CHANNEL_INFO,
     COMMANDER_INFO,
+    IO_COMMAND,
     IO_SAMPLE,
     LAW_IN_FORCE,
     MOTOR_COMMAND,
@@ -37,6 +38,7 @@ EXPECTED = {
     "reference": REFERENCE,
     "joint_states": "sensor_msgs/msg/JointState",
     "io": IO_SAMPLE,
+    "io_command": IO_COMMAND,
     "io_channels": CHANNEL_INFO,
     "commander": COMMANDER_INFO,
     "law": LAW_IN_FORCE,
@@ -44,7 +46,7 @@ EXPECTED = {
 """Types of the project's topics, by the last part of their names."""
 
 _SAMPLED = frozenset({ARM_STATE, IO_SAMPLE})
-_NUMBERED = _SAMPLED | {MOTOR_COMMAND}
+_NUMBERED = _SAMPLED | {MOTOR_COMMAND, IO_COMMAND}
 _NEEDED = ("header.stamp.sec", "header.stamp.nanosec", "sequence")
 
 

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
 
 ARM_STATE = "flexarm_msgs/msg/ArmState"
 IO_SAMPLE = "flexarm_msgs/msg/IoSample"
+IO_COMMAND = "flexarm_msgs/msg/IoCommand"
 CHANNEL_INFO = "flexarm_msgs/msg/ChannelInfo"
 MOTOR_COMMAND = "flexarm_msgs/msg/MotorCommand"
 COMMANDER_INFO = "flexarm_msgs/msg/CommanderInfo"

@@ -221,7 +221,7 @@ class _RateFilter:
         omega = 2.0 * math.pi * RATE_FILTER_HZ
         self._gain = 2.0 * omega * rate_hz / (omega + 2.0 * rate_hz)
         self._pole = (2.0 * rate_hz - omega) / (2.0 * rate_hz + omega)
-        self.reset()
+        self._last, self._rate = math.nan, 0.0
 
     def step(self, value: float) -> float:
         """Return the filtered rate of change at the next sample, a second."""

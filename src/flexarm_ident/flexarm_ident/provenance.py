@@ -12,6 +12,8 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flexarm_core import __version__
 from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.naming import portable_names
@@ -42,9 +44,10 @@ def model_provenance(
     -------
     dict
         ``source`` and ``source_sha256`` (one entry per record), ``method``, ``request`` as JSON,
-        and ``versions``.
+        ``versions``, and the fields of `signal_fields`.
     """
     return {
+        **signal_fields(measured),
         "source": portable_names([record.label for record in measured]),
         "source_sha256": [record_hash(record) for record in measured],
         "method": outcome.identification.method,
@@ -56,6 +59,34 @@ def model_provenance(
                 f"python {platform.python_version()}",
             ]
         ),
+    }
+
+
+def signal_fields(measured: Sequence[Source]) -> dict[str, str | list[str] | list[float]]:
+    """Return what a twin of the model needs to know of the records, by the names of the fields.
+
+    ``input_low``, ``input_high``, ``output_low`` and ``output_high`` are the ends of each signal,
+    ``noise_sd`` is the standard deviation of each output's noise: the third differences of white
+    noise have twenty times its power, those of motion at a usual rate next to none.
+    """
+    lows, highs, powers, rows = [], [], 0.0, 0
+    for record in measured:
+        for u, y in record.chunks(_CHUNK):
+            signals = np.column_stack([u, y])
+            lows.append(np.nanmin(signals, axis=0))
+            highs.append(np.nanmax(signals, axis=0))
+            changes = np.diff(y, n=3, axis=0)
+            changes = changes[np.isfinite(changes).all(axis=1)]
+            powers, rows = powers + np.sum(changes**2, axis=0), rows + len(changes)
+    low, high = np.min(lows, axis=0), np.max(highs, axis=0)
+    inputs = len(measured[0].inputs)
+    noise = np.sqrt(powers / (20.0 * max(rows, 1)))
+    return {
+        "input_low": low[:inputs].tolist(),
+        "input_high": high[:inputs].tolist(),
+        "output_low": low[inputs:].tolist(),
+        "output_high": high[inputs:].tolist(),
+        "noise_sd": np.broadcast_to(noise, len(low) - inputs).tolist(),
     }
 
 

@@ -93,8 +93,12 @@ def test_watchdog___fed_with_the_newest_sample___is_found(monkeypatch: pytest.Mo
 
 
 def test_limiter___off_by_a_fifth___is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    clamp = limiter._clamp
-    monkeypatch.setattr(limiter, "_clamp", lambda value, bound: clamp(value, 1.2 * bound))
+    def wide(settings: limiter.LimiterSettings) -> limiter.InputLimits:
+        most_v = 1.2 * settings.max_command_v
+        return limits(settings)._replace(low=-most_v, high=most_v)
+
+    limits = limiter.LimiterSettings.limits
+    monkeypatch.setattr(limiter.LimiterSettings, "limits", wide)
     assert found(range(3), "the limit is") <= MOST_EVENTS
 
 
@@ -235,7 +239,7 @@ def test_link___with_a_fault___has_it_for_its_time(fault: Event, numbers: list[i
 
 def test_messages___are_serialised_as_the_middleware_does() -> None:
     volts = [0.5, -1.0, 2.0, 3.25]
-    record = Record(7, 0.1, 5.0, np.array(volts), 1.5, 0.25, 6)
+    record = Record(7, 0.1, 5.0, np.array(volts), (1.5,), (0.25,), 6)
     sent = arm_state(
         7,
         START_NS,

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from flexarm_core.channels import INPUT_RANGE_V
@@ -196,8 +195,10 @@ class SensorCheck:
                 continue
             names = rig.output_names
             yield _Pair(
-                *(names.index(joint.angle), names.index(joint.rate)),
-                *(partial(_times, 1.0 / (each.per_si or 1.0)) for each in (angle, rate)),
+                names.index(joint.angle),
+                names.index(joint.rate),
+                angle.to_si,
+                rate.to_si,
                 f"{joint.angle} and {joint.rate}",
             )
 
@@ -265,10 +266,6 @@ class SensorCheck:
             f"{pair.text} disagree by {math.degrees(abs(drift_rad)):.0f} degrees: "
             "one of the two is wrong"
         )
-
-
-def _times(factor: float, value: float) -> float:
-    return factor * value
 
 
 def _range(output: Output, low: float, high: float, samples: int, is_position: bool) -> _Range:  # noqa: FBT001

@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Log, ParameterEvent
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, Float64MultiArray, String
 
 from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.schema import describe, own_types, share_of
@@ -16,6 +16,7 @@ from flexarm_msgs.msg import (
     ArmState,
     ChannelInfo,
     CommanderInfo,
+    IoCommand,
     IoSample,
     LawInForce,
     MotorCommand,
@@ -30,12 +31,15 @@ if TYPE_CHECKING:
 TOPICS = {
     "commander": (CommanderInfo, "flexarm_msgs/msg/CommanderInfo"),
     "io_channels": (ChannelInfo, "flexarm_msgs/msg/ChannelInfo"),
+    "rig_description": (String, "std_msgs/msg/String"),
     "state": (ArmState, "flexarm_msgs/msg/ArmState"),
     "command": (MotorCommand, "flexarm_msgs/msg/MotorCommand"),
     "reference": (Float64, "std_msgs/msg/Float64"),
     "law": (LawInForce, "flexarm_msgs/msg/LawInForce"),
     "joint_states": (JointState, "sensor_msgs/msg/JointState"),
     "io": (IoSample, "flexarm_msgs/msg/IoSample"),
+    "io_command": (IoCommand, "flexarm_msgs/msg/IoCommand"),
+    "io_reference": (Float64MultiArray, "std_msgs/msg/Float64MultiArray"),
     "payload": (PayloadEstimate, "flexarm_msgs/msg/PayloadEstimate"),
     "/diagnostics": (DiagnosticArray, "diagnostic_msgs/msg/DiagnosticArray"),
     "/rosout": (Log, "rcl_interfaces/msg/Log"),
@@ -49,7 +53,9 @@ Those that tell about others stand first: they are read before the samples that 
 OF_ALL_NODES = frozenset(name for name in TOPICS if name.startswith("/"))
 """Topics that every node may publish, or does."""
 
-IN_FORCE = frozenset({"commander", "io_channels", "reference", "payload"})
+IN_FORCE = frozenset(
+    {"commander", "io_channels", "io_reference", "payload", "reference", "rig_description"}
+)
 """Topics whose last message is in force until the next one comes, and belongs into every bag."""
 
 # Their publishers keep the last message for a latecomer.

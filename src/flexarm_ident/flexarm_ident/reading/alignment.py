@@ -6,10 +6,11 @@ The rows are the same for messages as a whole and in pieces.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import DataError
 from flexarm_core.labels import without_dots
 from flexarm_ident.reading.stream import Header
@@ -38,6 +39,19 @@ if TYPE_CHECKING:
 # A declared rate further off than this from the stamps is worth a warning.
 RATE_TOLERANCE = 1e-2
 _NS = 1_000_000_000
+
+
+class _CommandKind(NamedTuple):
+    """Members of a command's message, and the largest command that the gate lets pass."""
+
+    answered: str
+    effort: str
+    compensation: str
+    reach: float
+
+
+_ARM_COMMAND = _CommandKind("state_sequence", "effort_v", "compensation_v", MAX_COMMAND_V)
+_IO_COMMAND = _CommandKind("sample_sequence", "efforts", "compensations", np.inf)
 
 
 @dataclass(frozen=True)
@@ -83,8 +97,11 @@ class Alignment:
         Numbers and stamps of the messages.
     table : Timetable
         Places of the samples.
-    is_arm : bool
-        The messages are ``ArmState``, else ``IoSample``.
+    is_running : bool
+        The samples are those of a running rig, whose inputs were in force while they were taken:
+        ``ArmState``, or ``IoSample`` with compensations. Else they are those of an import.
+    columns : callable
+        Reading of inputs, with compensations behind them, and outputs from the messages.
     wraps : tuple of Wrap
         Outputs whose turns are counted; empty for our own rig.
     """
@@ -92,7 +109,8 @@ class Alignment:
     header: Header
     marks: Marks
     table: Timetable
-    is_arm: bool
+    is_running: bool
+    columns: Callable[[Recorded], Rows]
     wraps: tuple[Wrap, ...] = ()
 
     def commanded(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
@@ -102,9 +120,10 @@ class Alignment:
 
     def efforts(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
         """Return inputs, without compensation, and outputs; rows of the grid."""
-        if not self.is_arm:
+        if not self.is_running:
             return self._rows(pieces)
-        return ((u[:, :1] - u[:, 1:], y) for u, y in self._rows(pieces))
+        width = len(self.header.inputs)
+        return ((u[:, :width] - u[:, width:], y) for u, y in self._rows(pieces))
 
     def loop_kind(self, declared: Sequence[bool], pieces: Pieces) -> bool | None:
         """Return True when the inputs were computed from the outputs; None when it is not known.
@@ -116,7 +135,7 @@ class Alignment:
         pieces : callable
             Starts to read the messages, for a test where nothing is declared.
         """
-        if not self.is_arm:
+        if not self.is_running:
             return self.header.closed_loop
         return _loop_kind(
             declared, lambda samples: self.header.leading(self.commanded(pieces()), samples)
@@ -152,7 +171,7 @@ class Alignment:
         header = self.header
         u, y = joined(list(self._rows([samples])))
         lost, duration_s = self.table.grid.lost, _duration_s(self.marks.stamps_ns)
-        if not self.is_arm:
+        if not self.is_running:
             missing = self.table.grid.missing
             data = header.record(u, y, input_held=missing if missing.any() else None)
             return BagReading(data, len(samples), lost, duration_s)
@@ -161,8 +180,9 @@ class Alignment:
             log_times_ns = samples.log_times_ns[self.table.run.messages][self.table.grid.kept]
             followed = _references(reference, self.table, log_times_ns)
         notices = (*header.notices, *told)
+        width = len(header.inputs)
         data = header.record(
-            u[:, :1], y, compensation=u[:, 1:], reference=followed, notices=notices
+            u[:, :width], y, compensation=u[:, width:], reference=followed, notices=notices
         )
         data = replace(data, closed_loop=_loop_kind(declared, data.head))
         steps, in_force = np.diff(self.marks.sequence), np.diff(self.marks.command_sequence)
@@ -170,8 +190,7 @@ class Alignment:
         return BagReading(data, len(samples), lost, duration_s, unanswered)
 
     def _rows(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
-        columns = _arm_columns if self.is_arm else _io_columns
-        return record_rows(self.table, unwrapped(map(columns, pieces), self.wraps))
+        return record_rows(self.table, unwrapped(map(self.columns, pieces), self.wraps))
 
 
 def arm_alignment(states: Pieces, commands: Pieces, *, source: str) -> Alignment:
@@ -198,21 +217,33 @@ def arm_alignment(states: Pieces, commands: Pieces, *, source: str) -> Alignment
     """
     marks = _marks(states())
     table = timetable(
-        marks, answers=lambda numbers: _answers(commands(), numbers), input_behind=True
+        marks,
+        answers=lambda numbers: _answers(commands(), numbers, _ARM_COMMAND),
+        input_behind=True,
     )
     header = Header(("command_v",), ARM_OUTPUTS, table.grid.period_s, None, source, table.notices)
-    return Alignment(header, marks, table, is_arm=True)
+    return Alignment(header, marks, table, is_running=True, columns=_arm_columns)
 
 
 def io_alignment(
-    samples: Pieces, channels: Channels | None, *, source: str, wrap: float | None = None
+    samples: Pieces,
+    commands: Pieces,
+    channels: Channels | None,
+    *,
+    source: str,
+    wrap: float | None = None,
 ) -> Alignment:
-    """Align the messages of any other rig; its inputs act from their own sample on.
+    """Align the messages of any other rig.
+
+    The inputs of an imported record act from their own sample on, those of a running rig as in
+    `arm_alignment`.
 
     Parameters
     ----------
     samples : callable
         Starts to read the ``IoSample`` messages; NaN in an output is not measured.
+    commands : callable
+        Starts to read the ``IoCommand`` messages of a running rig, as in `arm_alignment`.
     channels : Channels or None
         Names and rate; None when they were not recorded.
     source : str
@@ -226,13 +257,22 @@ def io_alignment(
         If fewer than two samples follow each other.
     """
     marks = _marks(samples())
-    table = timetable(marks, input_behind=False)
-    u, y = _io_columns(next(iter(samples())))
+    first = next(iter(samples()))
+    is_running = first.has("compensations") and first.real("compensations").shape[1] > 0
+    columns = _running_columns if is_running else _io_columns
+    table = timetable(
+        marks,
+        answers=(lambda numbers: _answers(commands(), numbers, _IO_COMMAND))
+        if is_running
+        else None,
+        input_behind=is_running,
+    )
+    u, y = _io_columns(first)
     header = _io_header(table, channels, (u.shape[1], y.shape[1]), source)
-    wraps = found_wraps(map(_io_columns, samples()), wrap)
+    wraps = found_wraps(map(columns, samples()), wrap)
     notices = (*header.notices, *wrap_notices(header.outputs, wraps))
     header = replace(header, notices=notices)
-    return Alignment(header, marks, table, is_arm=False, wraps=tuple(wraps))
+    return Alignment(header, marks, table, is_running, columns, tuple(wraps))
 
 
 def _arm_columns(piece: Recorded) -> Rows:
@@ -241,6 +281,11 @@ def _arm_columns(piece: Recorded) -> Rows:
         np.column_stack([piece.real("command_v"), piece.real("compensation_v")]),
         np.column_stack([piece.real(name) for name in ARM_OUTPUTS]),
     )
+
+
+def _running_columns(piece: Recorded) -> Rows:
+    """Return commands and their compensations, and the outputs."""
+    return np.hstack([piece.real("inputs"), piece.real("compensations")]), piece.real("outputs")
 
 
 def _io_columns(piece: Recorded) -> Rows:
@@ -297,21 +342,25 @@ def _marks(pieces: Iterable[Recorded]) -> Marks:
     return Marks(*(np.concatenate(each) for each in zip(*columns, strict=True)))
 
 
-def _answers(pieces: Iterable[Recorded], numbers: NDArray[np.int64]) -> Answers:
+def _answers(pieces: Iterable[Recorded], numbers: NDArray[np.int64], kind: _CommandKind) -> Answers:
     """Return the recorded commands that answer samples of some rising ranges of numbers."""
     integers: list[NDArray[np.int64]] = [np.empty((0, 3), dtype=np.int64)]
-    values_v: list[FloatArray] = [np.empty((0, 2))]
+    values: list[FloatArray] = []
     for piece in pieces:
-        answered = piece.integer("state_sequence")
+        answered = piece.integer(kind.answered)
         within = np.searchsorted(numbers[:, 0], answered, side="right") - 1
         asked = (within >= 0) & (answered < numbers[within.clip(min=0), 1])
         told = np.column_stack([piece.integer("sequence"), answered, piece.log_times_ns])
         integers.append(told[asked])
-        compensation_v = piece.real("compensation_v")
-        command_v = piece.real("effort_v") + compensation_v
-        values_v.append(np.column_stack([command_v, compensation_v])[asked])
+        compensations = piece.real(kind.compensation).reshape(len(piece), -1)
+        commands = piece.real(kind.effort).reshape(len(piece), -1) + compensations
+        both = np.hstack([commands, compensations]).clip(-kind.reach, kind.reach)
+        values.append(both[asked])
     sequence, state_sequence, sent_ns = np.concatenate(integers).T
-    return Answers(sequence, state_sequence, sent_ns, np.concatenate(values_v))
+    width = values[0].shape[1] if values else 2
+    return Answers(
+        sequence, state_sequence, sent_ns, np.concatenate([np.empty((0, width)), *values])
+    )
 
 
 def _loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> bool | None:

@@ -12,7 +12,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_bags.reader import ARM_STATE, IO_SAMPLE, MOTOR_COMMAND, REFERENCE, opened, sibling
+from flexarm_bags.reader import (
+    ARM_STATE,
+    IO_COMMAND,
+    IO_SAMPLE,
+    MOTOR_COMMAND,
+    REFERENCE,
+    opened,
+    sibling,
+)
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.alignment import arm_alignment, io_alignment
 from flexarm_ident.reading.channels import selected
@@ -66,9 +74,9 @@ def read_bag_report(
     with opened(Path(uri)) as bag:
         chosen = _chosen(bag, topic)
         samples = bag.recorded(chosen)
-        commands = partial(bag.every, sibling(chosen, "command"), MOTOR_COMMAND)
+        commands = partial(bag.every, *_commands_of(bag, chosen))
         aligned = _aligned(bag, chosen, lambda: [samples], commands, wrap)
-        if not aligned.is_arm:
+        if not aligned.is_running:
             return aligned.reading(samples)
         reference = bag.optional(sibling(chosen, "reference"), REFERENCE)
         return aligned.reading(
@@ -199,9 +207,16 @@ def _aligned(
     if bag.types[topic] == ARM_STATE:
         return arm_alignment(samples, commands, source=str(bag.path))
     channels = bag.channels(sibling(topic, "io_channels"))
-    return io_alignment(samples, channels, source=str(bag.path), wrap=wrap)
+    return io_alignment(samples, commands, channels, source=str(bag.path), wrap=wrap)
 
 
 def _command_pieces(bag: Bag, topic: str) -> Iterable[Recorded]:
-    command = sibling(topic, "command")
-    return bag.pieces(command) if bag.has(command, MOTOR_COMMAND) else ()
+    command, kind = _commands_of(bag, topic)
+    return bag.pieces(command) if bag.has(command, kind) else ()
+
+
+def _commands_of(bag: Bag, topic: str) -> tuple[str, str]:
+    """Return topic and type of the commands that answer the samples of a topic."""
+    if bag.types[topic] == ARM_STATE:
+        return sibling(topic, "command"), MOTOR_COMMAND
+    return sibling(topic, "io_command"), IO_COMMAND

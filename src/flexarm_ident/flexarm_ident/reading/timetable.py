@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import DataError
 from flexarm_ident.reading.grid import held, on_grid, place
 from flexarm_ident.reading.sampling import longest_run, notices
@@ -56,13 +55,13 @@ class Marks(NamedTuple):
 class Answers(NamedTuple):
     """Recorded commands: own number, sample they answer, instant of sending, and values.
 
-    Each is (commands,), `values_v` (commands, 2): command and its compensation.
+    Each is (commands,), `values` (commands, 2 inputs): commands within their limits, compensations.
     """
 
     sequence: Integers
     state_sequence: Integers
-    sent_ns: Integers
-    values_v: FloatArray
+    stamps_ns: Integers
+    values: FloatArray
 
 
 class Changes(NamedTuple):
@@ -245,13 +244,13 @@ def _inside_holes(
             ahead = told.state_sequence[own] - marks.sequence[at]
             known = ahead < gap
             instants.append(grid.instants[at] + ahead[known])
-            values.append(told.values_v[own[known]].clip(-MAX_COMMAND_V, MAX_COMMAND_V))
+            values.append(told.values[own[known]])
             underway[at] = True
         elif len(own):
             late_s = (told.sent_ns[own[-1]] - marks.sent_ns[at]) / _NS
             acted = told.sequence[own[-1]] == marks.command_sequence[at + 1]
             unheeded[at] = acted and late_s > _PROMPT * grid.period_s
     changes = Changes(
-        np.concatenate([np.empty(0), *instants]), np.concatenate([told.values_v[:0], *values])
+        np.concatenate([np.empty(0), *instants]), np.concatenate([told.values[:0], *values])
     )
     return changes, unheeded, underway

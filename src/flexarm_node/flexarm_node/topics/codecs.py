@@ -51,8 +51,8 @@ class Packing(Generic[T]):
     ) -> None:
         self.message_type = layout.message_type
         self._layout = layout
-        self._split = split
-        self._joined = joined
+        self._split: Callable[[Sequence[Any]], T] = split
+        self._joined: Callable[[T], Sequence[float]] = joined
 
     def pack(self, value: T) -> bytes:
         """Return the bytes of a message."""

@@ -149,11 +149,11 @@ class CommandWaiter:
     ----------
     handover : DirectHandover
         Way from the commander of this process.
-    others : TopicWaiter
+    others : TopicWaiter of Command
         Subscription of the topic, on which its commands come too.
     """
 
-    def __init__(self, handover: DirectHandover, others: TopicWaiter) -> None:
+    def __init__(self, handover: DirectHandover, others: TopicWaiter[Command]) -> None:
         self._handover = handover
         self._others = others
         self._others_are_next = False

@@ -156,7 +156,7 @@ def test_command_that_the_gate_cuts___is_heard_of(
     gate, law = Limiter(LimiterSettings(**limit).limits()), build_law("lqg")
 
     def acting_v(answer: Effort) -> float:
-        return gate.apply(*answer, position_v=0.0, interval_s=1.0 / 300.0).command_v
+        return gate.apply(*answer, position=0.0, interval_s=1.0 / 300.0).command
 
     run = simulate(rig, law, np.full(1500, 3.0), acting_v=acting_v)
 

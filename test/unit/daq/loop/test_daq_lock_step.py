@@ -202,7 +202,10 @@ def test_pace_and_delays___any___give_the_same_samples(factor: float, delays: li
                 samples=25,
                 lockstep=LockStep(pace, TIMEOUT_S, is_answered=True),
             ).run()
-        return [(each.sequence, each.time_s, *each[-3:]) for each in bench.link.records]
+        return [
+            (each.sequence, each.time_s, *each.commands, *each.compensations)
+            for each in bench.link.records
+        ]
 
     assert commands(factor, delays) == commands(0.0, [0.0])
 

@@ -2,18 +2,19 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
+from flexarm_core.signals import Command, Sample
 from flexarm_node.topics.handover import CommandWaiter, DirectHandover
 
 PATIENCE_S = 60.0
 
 
-class Command(NamedTuple):
-    sequence: int
-    effort_v: float = 0.0
+def command(sequence: int, effort: float = 0.0) -> Any:  # noqa: ANN401 - a sample too
+    """Return a command; where only its number counts, in the place of a sample too."""
+    return Command(sequence, sequence, (effort,), (0.0,))
 
 
 class Topic:
@@ -51,7 +52,7 @@ def waiter(handover: DirectHandover, topic: Topic) -> CommandWaiter:
 
 
 def test_command___handed_over___comes_once_although_its_topic_has_it_too() -> None:
-    handover, own = DirectHandover(), Command(1, 0.5)
+    handover, own = DirectHandover(), command(1, 0.5)
     topic = Topic([own])
     commands = waiter(handover, topic)
     with handover.answering(ignore, nothing):
@@ -65,7 +66,7 @@ def test_command___handed_over___comes_once_although_its_topic_has_it_too() -> N
 def test_topic___where_commands_are_handed_over_one_after_the_other___is_read_between_them() -> (
     None
 ):
-    handover, own = DirectHandover(), [Command(number) for number in range(1, 6)]
+    handover, own = DirectHandover(), [command(number) for number in range(1, 6)]
     topic = Topic(*([command] for command in own))
     commands = waiter(handover, topic)
     with handover.answering(ignore, nothing):
@@ -76,7 +77,7 @@ def test_topic___where_commands_are_handed_over_one_after_the_other___is_read_be
 
 
 def test_command_of_others___beside_ours___is_heard_behind_ours() -> None:
-    handover, own, other = DirectHandover(), Command(1, 0.5), Command(1, -0.5)
+    handover, own, other = DirectHandover(), command(1, 0.5), command(1, -0.5)
     commands = waiter(handover, Topic([other, own]))
     with handover.answering(ignore, nothing):
         handover.give(own)
@@ -85,14 +86,14 @@ def test_command_of_others___beside_ours___is_heard_behind_ours() -> None:
 
 
 def test_command_of_others___while_our_commander_is_silent___is_heard() -> None:
-    handover, other = DirectHandover(), Command(1, -0.5)
+    handover, other = DirectHandover(), command(1, -0.5)
     commands = waiter(handover, Topic([other]))
     with handover.answering(ignore, nothing):
         assert commands.wait_newest(0.0) == other
 
 
 def test_commander_of_this_process___inactive___topic_is_waited_on() -> None:
-    handover, other = DirectHandover(), Command(7)
+    handover, other = DirectHandover(), command(7)
     topic = Topic([other])
     commands = waiter(handover, topic)
     assert commands.wait_newest(0.25) == other
@@ -101,7 +102,7 @@ def test_commander_of_this_process___inactive___topic_is_waited_on() -> None:
 
 
 def test_last_command___of_a_commander_that_was_deactivated___is_still_taken() -> None:
-    handover, last = DirectHandover(), Command(9)
+    handover, last = DirectHandover(), command(9)
     commands = waiter(handover, Topic([last]))
     with handover.answering(ignore, nothing):
         handover.give(last)
@@ -111,7 +112,7 @@ def test_last_command___of_a_commander_that_was_deactivated___is_still_taken() -
 
 def test_commands___closed___drop_what_waits_and_the_subscription() -> None:
     handover, topic = DirectHandover(), Topic()
-    handover.give(Command(1))
+    handover.give(command(1))
     waiter(handover, topic).close()
     assert topic.closed
     assert handover.take() is None
@@ -133,14 +134,14 @@ def test_answering___ended_by_an_error___is_over() -> None:
 def test_sample___that_is_asked_for___is_answered_in_the_thread_that_asks() -> None:
     handover, threads = DirectHandover(), []
 
-    def answer(state: Command) -> None:
+    def answer(state: Sample) -> None:
         threads.append(threading.get_ident())
-        handover.give(Command(state.sequence, 0.5))
+        handover.give(command(state.sequence, 0.5))
 
     with handover.answering(answer, nothing):
-        handover.ask(Command(3))
-        assert handover.take() == Command(3, 0.5)
-    handover.ask(Command(4))
+        handover.ask(command(3))
+        assert handover.take() == command(3, 0.5)
+    handover.ask(command(4))
     assert threads == [threading.get_ident()]
 
 
@@ -151,14 +152,14 @@ def test_answer___that_fails_where_it_is_asked_for___is_an_error_of_the_commande
         raise ArithmeticError("torn")
 
     with handover.answering(fail, nothing):
-        handover.ask(Command(1))
+        handover.ask(command(1))
         # It has failed once, and is not asked again.
-        handover.ask(Command(2))
+        handover.ask(command(2))
         with pytest.raises(ArithmeticError, match="torn"):
             handover.check()
         handover.check()
     with handover.answering(ignore, nothing):
-        handover.ask(Command(3))
+        handover.ask(command(3))
         handover.check()
 
 
@@ -172,7 +173,7 @@ def test_end_of_answering___waits_for_the_answer_that_is_being_given() -> None:
         assert may_end.wait(PATIENCE_S)
         ended.append("answer")
 
-    asking = threading.Thread(target=handover.ask, args=[Command(1)])
+    asking = threading.Thread(target=handover.ask, args=[command(1)])
 
     def ask_and_leave() -> None:
         with handover.answering(answer, nothing):
@@ -193,16 +194,16 @@ def test_rest_of_the_work___is_done_when_the_command_has_acted___or_at_the_end()
     handover = DirectHandover()
     done: list[str] = []
 
-    def answer(state: Command) -> None:
-        handover.give(Command(state.sequence), lambda: done.append(f"rest of {state.sequence}"))
+    def answer(state: Sample) -> None:
+        handover.give(command(state.sequence), lambda: done.append(f"rest of {state.sequence}"))
         done.append(f"answer to {state.sequence}")
 
     with handover.answering(answer, lambda: done.append("spare")):
-        handover.ask(Command(1))
+        handover.ask(command(1))
         handover.acted()
         handover.acted()
         handover.spare_time()
-        handover.ask(Command(2))
+        handover.ask(command(2))
     handover.acted()
     handover.spare_time()
     assert done == ["answer to 1", "rest of 1", "spare", "answer to 2", "rest of 2"]
@@ -211,7 +212,7 @@ def test_rest_of_the_work___is_done_when_the_command_has_acted___or_at_the_end()
 def test_check___without_samples___does_what_can_wait() -> None:
     handover, done = DirectHandover(), []
     with handover.answering(ignore, lambda: done.append("spare")):
-        handover.ask(Command(1))
+        handover.ask(command(1))
         handover.check()
         assert done == []
         handover.check()
@@ -224,10 +225,10 @@ def test_rest_that_fails___is_an_error_of_the_commander() -> None:
     def fail() -> None:
         raise ArithmeticError("torn")
 
-    with handover.answering(lambda state: handover.give(state, fail), nothing):
-        handover.ask(Command(1))
+    with handover.answering(lambda state: handover.give(command(state.sequence), fail), nothing):
+        handover.ask(command(1))
         handover.acted()
-        handover.ask(Command(2))
-        assert handover.take() == Command(1)
+        handover.ask(command(2))
+        assert handover.take() == command(1)
         with pytest.raises(ArithmeticError, match="torn"):
             handover.check()

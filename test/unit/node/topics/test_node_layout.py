@@ -100,6 +100,7 @@ def test_numbers___have_the_names_of_the_definition() -> None:
     message = MotorCommand(sequence=3, state_sequence=4, effort_v=-1.5, compensation_v=0.25)
     message.header.stamp.nanosec = 7
     found = layout(MotorCommand).numbers(message)
+    assert found is not None
     assert found._asdict() == {
         "header_stamp_sec": 0,
         "header_stamp_nanosec": 7,
@@ -144,7 +145,7 @@ def test_arrays___of_known_lengths___have_the_bytes_of_rclpy(
     own = Layout(IoSample, {"header.frame_id": frame}, arrays)
     message = IoSample(sequence=7, command_sequence=2**40)
     message.header.frame_id = frame
-    values = []
+    values: list[float] = []
     for name, length in arrays.items():
         setattr(message, name, [0.5 + len(values) + k for k in range(length)])
         values += getattr(message, name)

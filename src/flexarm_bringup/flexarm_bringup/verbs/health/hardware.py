@@ -179,7 +179,7 @@ class _Examination:
         try:
             sensors.open()
             count = math.ceil(_REST_S * self._settings.rate_hz)
-            return np.array([sensors.read().volts for _ in range(count)])
+            return np.array([sensors.read().outputs for _ in range(count)])
         finally:
             sensors.close()
 

@@ -12,10 +12,9 @@ from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 from flexarm_daq.rigs.simulated import MAX_CATCH_UP_S
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from flexarm_core.arrays import FloatArray
     from flexarm_daq.drivers.mujoco.arm import MujocoSettings
 
 
@@ -81,10 +80,10 @@ class MujocoRig:
         noise = self._noise * self._random.standard_normal(len(self._noise))
         return RigSample(arm.time_s, arm.outputs() + noise)
 
-    def write(self, commands: FloatArray | float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
         """Command the actuators, which clip as the model says; see `Rig.write`."""
         arm = self._opened()
-        values = np.atleast_1d(np.asarray(commands, dtype=float))
+        values = np.asarray(commands, dtype=float)
         if values.shape != (len(self.settings.actuators),) or not np.isfinite(values).all():
             raise RigError(
                 f"commands must be {len(self.settings.actuators)} finite numbers, got {commands}"

@@ -69,7 +69,7 @@ def run(rig: MujocoRig, commands: FloatArray) -> FloatArray:
     samples = []
     for command in commands:
         samples.append(rig.read()[1])
-        rig.write(command)
+        rig.write(command.tolist())
     rig.close()
     return np.array(samples)
 
@@ -149,7 +149,7 @@ def test_rig___with_a_clock___follows_it_and_leaves_out_what_is_longer_than_a_se
     rig = MujocoRig(spring(), folder, clock=lambda: now_s[0])
     assert not rig.has_virtual_time
     rig.open()
-    rig.write(0.1)
+    rig.write([0.1])
     times_s = []
     for now_s[0] in (100.0, 100.25, 100.2501, 103.0):
         times_s.append(rig.read().time_s)
@@ -162,7 +162,7 @@ def test_rig___command_between_two_samples___acts_from_its_own_instant(folder: P
     rig = MujocoRig(spring(), folder, clock=lambda: now_s[0])
     rig.open()
     now_s[0] = 0.010
-    rig.write(np.array([1.0]))
+    rig.write([1.0])
     now_s[0] = 0.012
     # u t^2 / 2 J after 2 ms, not after 12.
     assert rig.read()[1][0] == pytest.approx(1.0 * 0.002**2 / 0.04, rel=0.1)
@@ -171,12 +171,12 @@ def test_rig___command_between_two_samples___acts_from_its_own_instant(folder: P
 def test_rig___safe_stop_and_close___put_the_actuators_at_zero(folder: Path) -> None:
     rig = MujocoRig(spring(), folder)
     rig.open()
-    rig.write(1.0)
+    rig.write([1.0])
     arm = rig._opened()
     assert arm.data.ctrl[0] == pytest.approx(1.0)
     rig.safe_stop()
     assert arm.data.ctrl[0] == pytest.approx(0.0, abs=1e-12)
-    rig.write(1.0)
+    rig.write([1.0])
     rig.close()
     assert arm.data.ctrl[0] == pytest.approx(0.0, abs=1e-12)
     rig.safe_stop()
@@ -184,8 +184,8 @@ def test_rig___safe_stop_and_close___put_the_actuators_at_zero(folder: Path) -> 
         rig.read()
 
 
-@pytest.mark.parametrize("commands", [np.nan, np.zeros(2), np.array([np.inf])])
-def test_rig___command_that_is_none___is_refused(folder: Path, commands: FloatArray) -> None:
+@pytest.mark.parametrize("commands", [[np.nan], [0.0, 0.0], [np.inf]])
+def test_rig___command_that_is_none___is_refused(folder: Path, commands: list[float]) -> None:
     rig = MujocoRig(spring(), folder)
     rig.open()
     with pytest.raises(RigError, match="commands must be 1 finite numbers"):
@@ -197,7 +197,7 @@ def test_rig___that_diverges___says_so(folder: Path) -> None:
     (folder / "stiff.xml").write_text(stiff.replace("implicitfast", "Euler"))
     rig = MujocoRig(spring(model="stiff.xml", substeps=1), folder)
     rig.open()
-    rig.write(1.0)
+    rig.write([1.0])
     with pytest.raises(RigError, match=r"diverged before .* set more substeps"):
         deque((rig.read() for _ in range(1000)), maxlen=0)
 

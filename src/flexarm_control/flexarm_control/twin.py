@@ -1,0 +1,326 @@
+"""Twin of an arm: a rig that moves as an identified model says, with its friction and noise."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from flexarm_core.errors import FlexarmError, SettingError
+from flexarm_core.nearest import nearest
+from flexarm_ident.friction.dry_friction import load_friction
+from flexarm_ident.models.files import load_model, load_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    import control
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_core.rig_description import RigDescription
+    from flexarm_ident.friction.dry_friction import DryFriction
+
+MAX_CATCH_UP_S: Final = 1.0
+"""Longest gap of real time that is computed, s; the rest of a longer gap is left out."""
+STOP_REACHES: Final = 10.0
+"""The force of a stop, in parts of the largest command of the joint's input."""
+INTEGRATING: Final = 3.0
+"""Least ratio of the gains at a half and at five hundredths of a hertz of an angle that a motor
+turns; a rate or a strain has about 1."""
+_SLOW_HZ, _FAST_HZ = 0.05, 0.5
+
+
+class TwinError(FlexarmError):
+    """Twin that is not open, or has no number for a command."""
+
+
+class TwinSample(NamedTuple):
+    """Outputs of a twin at one instant; see `flexarm_daq.rigs.rig_protocol.RigSample`."""
+
+    time_s: float
+    outputs: FloatArray
+
+
+class TwinRig:
+    """A `flexarm_daq.rigs.rig_protocol.Rig` on an identified model.
+
+    Time is virtual without a clock. The ends of a joint's travel are stops without a rebound.
+
+    Parameters
+    ----------
+    model : str
+        File of the model; a relative one is in the folder of the description.
+    noise : sequence of float, optional
+        Standard deviation of each output; none by default.
+    seed : int
+        Seed of the noise.
+    rig : RigDescription
+        Description of the rig, whose signals are those of the model.
+    folder : Path
+        Its folder.
+
+    Raises
+    ------
+    SettingError
+        If the model has other signals or another rate, or there is no noise for each output.
+    """
+
+    def __init__(
+        self,
+        model: str,
+        noise: Sequence[float] = (),
+        seed: int = 0,
+        *,
+        rig: RigDescription,
+        folder: Path,
+    ) -> None:
+        path = folder / model
+        plant = load_model(path)
+        _require_signals(plant, rig, path)
+        if len(noise) not in (0, len(rig.outputs)):
+            raise SettingError(
+                f"settings.noise has {len(noise)} entries for {len(rig.outputs)} outputs: "
+                f"{', '.join(rig.output_names)}"
+            )
+        self.clock: Callable[[], float] | None = None
+        self._dt_s, self._seed = float(plant.dt), seed
+        # In the order of the description.
+        inputs = [plant.input_labels.index(name) for name in rig.input_names]
+        outputs = [plant.output_labels.index(name) for name in rig.output_names]
+        self._a = np.ascontiguousarray(plant.A)
+        self._b = np.ascontiguousarray(plant.B[:, inputs])
+        self._c, self._d = plant.C[outputs], plant.D[np.ix_(outputs, inputs)]
+        self._noise = np.array(noise or [0.0] * len(outputs), dtype=np.float64)
+        self._rest = np.array([each.rest for each in rig.inputs])
+        self._friction(load_friction(path), inputs)
+        self._stops(rig)
+        self._is_open = False
+
+    def _friction(self, friction: DryFriction | None, inputs: Sequence[int]) -> None:
+        self._levels = np.zeros(len(inputs))
+        self._offsets = np.zeros(len(inputs))
+        self._speed = np.zeros((len(inputs), len(self._a)))
+        if friction is not None:
+            self._levels = friction.levels[list(inputs)]
+            self._offsets = friction.offsets[list(inputs)]
+            self._speed = friction.speed[list(inputs)]
+
+    def _stops(self, rig: RigDescription) -> None:
+        """Note the travel of each joint; speeds that no friction opposes come from the angle."""
+        self._ends: list[tuple[int, int, float, float, float]] = []
+        for joint in rig.joints:
+            driven = rig.input_names.index(joint.input)
+            angle = rig.output_names.index(joint.angle)
+            reach = max(abs(rig.inputs[driven].low), abs(rig.inputs[driven].high))
+            force = STOP_REACHES * reach
+            self._ends.append((driven, angle, joint.low, joint.high, force))
+            if not self._levels[driven]:
+                self._speed[driven] = self._c[angle] @ (self._a - np.eye(len(self._a)))
+
+    @property
+    def has_virtual_time(self) -> bool:
+        """Whether time stands still between the samples."""
+        return self.clock is None
+
+    def open(self) -> None:
+        """Start at rest, at time zero, with the noise's seed."""
+        self._x = np.zeros(len(self._a))
+        self._u = self._rest.copy()
+        self._random = np.random.default_rng(self._seed)
+        self._steps = 0
+        self._has_sampled = False
+        self._moved_s = self.clock() if self.clock is not None else 0.0
+        self._advance(0)
+        self._is_open = True
+
+    def read(self) -> TwinSample:
+        """Sample the outputs with noise."""
+        self._require_open()
+        if self.clock is not None:
+            self._follow(self.clock())
+        elif self._has_sampled:
+            self._advance(1)
+        self._has_sampled = True
+        noise = self._noise * self._random.standard_normal(len(self._noise))
+        outputs = self._c @ self._x + self._d @ (self._u - self._offsets) + noise
+        return TwinSample(self._steps * self._dt_s, outputs)
+
+    def write(self, commands: Sequence[float]) -> None:
+        """Command the drives until the next write."""
+        self._require_open()
+        values = np.asarray(commands, dtype=np.float64)
+        if values.shape != self._u.shape or not np.isfinite(values).all():
+            raise TwinError(f"commands must be {len(self._u)} finite numbers, got {commands}")
+        if self.clock is not None:
+            self._follow(self.clock())
+        self._u = values
+
+    def safe_stop(self) -> None:
+        """Set the drives to rest; never raises."""
+        if self._is_open:
+            self._u = self._rest.copy()
+
+    def close(self) -> None:
+        """Set the drives to rest and close."""
+        self.safe_stop()
+        self._is_open = False
+
+    def _require_open(self) -> None:
+        if not self._is_open:
+            raise TwinError("the twin is not open: call open() first")
+
+    def _follow(self, now_s: float) -> None:
+        gap_s = now_s - self._moved_s
+        if gap_s > MAX_CATCH_UP_S:
+            gap_s, self._moved_s = MAX_CATCH_UP_S, now_s - MAX_CATCH_UP_S
+        steps = math.floor(gap_s / self._dt_s)
+        self._advance(steps)
+        self._moved_s += steps * self._dt_s
+
+    def _advance(self, steps: int) -> None:
+        # It loads a compiler, which a description that is only checked does not need.
+        from flexarm_ident.models.stick_slip import friction_force  # noqa: PLC0415
+
+        gain = self._speed @ self._b
+        for _ in range(steps):
+            after = self._a @ self._x + self._b @ (self._u - self._offsets)
+            levels = self._levels_at(self._c @ self._x, self._speed @ after)
+            self._x = after - self._b @ friction_force(self._speed @ after, gain, levels)
+            self._steps += 1
+
+    def _levels_at(self, outputs: FloatArray, speeds: FloatArray) -> FloatArray:
+        """Return the friction, with the force of a stop that a joint moves against."""
+        levels = self._levels
+        for driven, angle, low, high, force in self._ends:
+            outward = self._outward(driven, angle) * speeds[driven]
+            is_against = (outputs[angle] >= high and outward > 0.0) or (
+                outputs[angle] <= low and outward < 0.0
+            )
+            if is_against:
+                levels = levels.copy()
+                levels[driven] = force
+        return levels
+
+    def _outward(self, driven: int, angle: int) -> float:
+        """Return the sign of the angle's change for a positive speed of its friction."""
+        change = self._c[angle] @ (self._a - np.eye(len(self._a)))
+        return math.copysign(1.0, float(change @ self._speed[driven]))
+
+
+def _require_signals(model: control.StateSpace, rig: RigDescription, path: Path) -> None:
+    for role, wanted, known in (
+        ("input", rig.input_names, model.input_labels),
+        ("output", rig.output_names, model.output_labels),
+    ):
+        for name in wanted:
+            if name not in known:
+                raise SettingError(
+                    f"{path}: the model has no {role} {name}{nearest(name, known)}: a twin has "
+                    f"the signals of its model, {', '.join(known)}"
+                )
+        if len(wanted) != len(known):
+            raise SettingError(
+                f"{path}: the model has the {role}s {', '.join(known)}, and the description "
+                f"{', '.join(wanted)}: name all of them"
+            )
+    rate_hz = 1.0 / float(model.dt)
+    if abs(rate_hz / rig.rate_hz - 1.0) > 1e-6:  # noqa: PLR2004 - rounding of a period
+        raise SettingError(
+            f"{path}: the model is of {rate_hz:g} Hz and rate_hz = {rig.rate_hz:g}: they are one"
+        )
+
+
+def twin_description(path: Path) -> str:
+    """Return the description of an identified model's twin, as YAML text to be looked at.
+
+    Limits and travel are those of the record, half as wide again. An output that a motor's input
+    moves on and on is the angle of a joint.
+
+    Parameters
+    ----------
+    path : Path
+        File of the model.
+
+    Raises
+    ------
+    ModelFileError
+        If the file cannot be read.
+    """
+    model = load_model(path)
+    facts = {key.rpartition(".")[2]: value for key, value in load_parameters(path).items()}
+    return "\n".join(_description(model, facts, path)) + "\n"
+
+
+def _description(
+    model: control.StateSpace, facts: Mapping[str, object], path: Path
+) -> Iterator[str]:
+    rate_hz = 1.0 / float(model.dt)
+    yield f"# Twin of the model {path.name}: look at units, limits and joints."
+    yield f"name: {_word(path.parent.name or path.stem)}_twin"
+    yield f"rate_hz: {round(rate_hz, 9):g}"
+    yield "inputs:"
+    reaches = _widths(facts, "input", model.ninputs)
+    for name, (low, high) in zip(model.input_labels, reaches, strict=True):
+        reach = max(abs(low), abs(high), 1e-9)
+        yield f"  {name}: {{unit: '-', limits: {_rounded(reach)}}}"
+    yield "outputs:"
+    ranges = _widths(facts, "output", model.noutputs)
+    joints = _angles(model)
+    for name, (low, high) in zip(model.output_labels, ranges, strict=True):
+        if name in joints.values():
+            unit = "deg" if max(abs(low), abs(high)) > 2.0 * math.pi else "rad"
+            yield f"  {name}: {{quantity: angle, unit: {unit}}}"
+        else:
+            yield f"  {name}: {{unit: '-'}}"
+    if joints:
+        yield "joints:"
+    for place, (driven, angle) in enumerate(joints.items()):
+        low, high = ranges[list(model.output_labels).index(angle)]
+        reach = max(abs(low), abs(high), 1e-9)
+        yield f"  joint_{place + 1}:"
+        yield f"    input: {driven}"
+        yield f"    angle: {angle}"
+        yield f"    travel: {_rounded(1.5 * reach)}"
+    yield "driver: twin"
+    yield "settings:"
+    yield f"  model: {path.absolute()}"
+    noise = facts.get("noise_sd")
+    if isinstance(noise, list) and len(noise) == model.noutputs:
+        yield f"  noise: [{', '.join(f'{float(each):.4g}' for each in noise)}]"
+
+
+def _angles(model: control.StateSpace) -> dict[str, str]:
+    """Return the output that each motor turns on and on, by its input."""
+    gains = np.abs(model(np.exp(2j * np.pi * np.array([_SLOW_HZ, _FAST_HZ]) * float(model.dt))))
+    gains = gains.reshape(model.noutputs, model.ninputs, 2)
+    ratios = gains[:, :, 0] / np.maximum(gains[:, :, 1], 1e-300)
+    found: dict[str, str] = {}
+    taken: set[int] = set()
+    for column, driven in enumerate(model.input_labels):
+        # Of several joints each is moved most by its own motor, in parts of what moves it at all.
+        share = ratios[:, column] * gains[:, column, 0] / np.maximum(gains[:, :, 0].max(1), 1e-300)
+        order = [row for row in np.argsort(-share) if row not in taken]
+        if order and ratios[order[0], column] >= INTEGRATING:
+            taken.add(order[0])
+            found[driven] = model.output_labels[order[0]]
+    return found
+
+
+def _widths(facts: Mapping[str, object], role: str, count: int) -> list[tuple[float, float]]:
+    """Return the ends of the signals in the record; one both ways where the model tells none."""
+    ends = []
+    for name, usual in (("low", -1.0), ("high", 1.0)):
+        values: Any = facts.get(f"{role}_{name}")
+        known = isinstance(values, list) and len(values) == count
+        ends.append([float(each) for each in values] if known else [usual] * count)
+    return list(zip(*ends, strict=True))
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def _word(name: str) -> str:
+    return "".join(each if each.isalnum() else "_" for each in name).strip("_") or "arm"
