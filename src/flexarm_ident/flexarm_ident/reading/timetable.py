@@ -60,7 +60,7 @@ class Answers(NamedTuple):
 
     sequence: Integers
     state_sequence: Integers
-    stamps_ns: Integers
+    sent_ns: Integers
     values: FloatArray
 
 
