@@ -140,6 +140,8 @@ def io_sample(
         sequence=sequence,
         inputs=np.array(inputs, dtype=np.float64),
         outputs=np.array(outputs, dtype=np.float64),
+        compensations=np.empty(0),
+        command_sequence=0,
     )
     return Sent("/flexarm/io", type_name, stamp_ns, raw)
 

@@ -16,7 +16,7 @@ from flexarm_control.loop_setup import MODEL_CHOICES, PARAMETERS, TOPIC
 from flexarm_control.models.chosen_model import PREFIX, ModelChoices
 from flexarm_control.rig_setup import REFERENCES, RigSetup, first_references
 from flexarm_control.sample_rate import SampleRate
-from flexarm_core.channels import TRAVEL_DEG
+from flexarm_core.channels import TRAVEL_DEG, is_thesis_arm
 from flexarm_core.errors import SettingError
 from flexarm_msgs.msg import LawInForce, PayloadEstimate
 from flexarm_msgs.srv import SetReference
@@ -24,7 +24,6 @@ from flexarm_node import qos
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
 from flexarm_node.stamps import set_stamp
-from flexarm_node.topics.codecs import is_thesis_arm
 from flexarm_node.topics.shared_topic import SharedTopic
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from flexarm_control.joint_laws import JointLaws, joint_ways
 from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.laws.switching import Handover
 from flexarm_control.loop_setup import Setup
+from flexarm_core.channels import is_thesis_arm
 from flexarm_core.nearest import nearest
 from flexarm_core.rig_description import described, load_rig
-from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -26,10 +26,8 @@ MAX_CATCH_UP_S: Final = 1.0
 """Longest gap of real time that is computed, s; the rest of a longer gap is left out."""
 STOP_REACHES: Final = 10.0
 """The force of a stop, in parts of the largest command of the joint's input."""
-INTEGRATING: Final = 3.0
-"""Least ratio of the gains at a half and at five hundredths of a hertz of an angle that a motor
-turns; a rate or a strain has about 1."""
-_SLOW_HZ, _FAST_HZ = 0.05, 0.5
+SLOW_HZ: Final = 0.05
+"""Frequency at which an input moves the angle of its joint further than any other output."""
 
 
 class TwinError(FlexarmError):
@@ -235,8 +233,8 @@ def _require_signals(model: control.StateSpace, rig: RigDescription, path: Path)
 def twin_description(path: Path) -> str:
     """Return the description of an identified model's twin, as YAML text to be looked at.
 
-    Limits and travel are those of the record, half as wide again. An output that a motor's input
-    moves on and on is the angle of a joint.
+    Limits are those of the record, travels half as wide again. The output that an input moves
+    furthest is the angle of a joint.
 
     Parameters
     ----------
@@ -250,11 +248,14 @@ def twin_description(path: Path) -> str:
     """
     model = load_model(path)
     facts = {key.rpartition(".")[2]: value for key, value in load_parameters(path).items()}
-    return "\n".join(_description(model, facts, path)) + "\n"
+    return "\n".join(_description(model, load_friction(path), facts, path)) + "\n"
 
 
 def _description(
-    model: control.StateSpace, facts: Mapping[str, object], path: Path
+    model: control.StateSpace,
+    friction: DryFriction | None,
+    facts: Mapping[str, object],
+    path: Path,
 ) -> Iterator[str]:
     rate_hz = 1.0 / float(model.dt)
     yield f"# Twin of the model {path.name}: look at units, limits and joints."
@@ -267,7 +268,7 @@ def _description(
         yield f"  {name}: {{unit: '-', limits: {_rounded(reach)}}}"
     yield "outputs:"
     ranges = _widths(facts, "output", model.noutputs)
-    joints = _angles(model)
+    joints = _angles(model, ranges)
     for name, (low, high) in zip(model.output_labels, ranges, strict=True):
         if name in joints.values():
             unit = "deg" if max(abs(low), abs(high)) > 2.0 * math.pi else "rad"
@@ -277,12 +278,15 @@ def _description(
     if joints:
         yield "joints:"
     for place, (driven, angle) in enumerate(joints.items()):
-        low, high = ranges[list(model.output_labels).index(angle)]
+        low, high = ranges[model.output_labels.index(angle)]
         reach = max(abs(low), abs(high), 1e-9)
         yield f"  joint_{place + 1}:"
         yield f"    input: {driven}"
         yield f"    angle: {angle}"
         yield f"    travel: {_rounded(1.5 * reach)}"
+        if friction is not None:
+            level = friction.levels[model.input_labels.index(driven)]
+            yield f"    coulomb: {_rounded(float(level))}"
     yield "driver: twin"
     yield "settings:"
     yield f"  model: {path.absolute()}"
@@ -291,21 +295,18 @@ def _description(
         yield f"  noise: [{', '.join(f'{float(each):.4g}' for each in noise)}]"
 
 
-def _angles(model: control.StateSpace) -> dict[str, str]:
-    """Return the output that each motor turns on and on, by its input."""
-    gains = np.abs(model(np.exp(2j * np.pi * np.array([_SLOW_HZ, _FAST_HZ]) * float(model.dt))))
-    gains = gains.reshape(model.noutputs, model.ninputs, 2)
-    ratios = gains[:, :, 0] / np.maximum(gains[:, :, 1], 1e-300)
+def _angles(model: control.StateSpace, ranges: Sequence[tuple[float, float]]) -> dict[str, str]:
+    """Return by input the output that it moves furthest at a slow pace, in parts of its range."""
+    response = model(np.exp(2j * np.pi * np.array([SLOW_HZ]) * float(model.dt)))
+    gains = np.abs(np.reshape(response, (model.noutputs, model.ninputs)))
+    widths = np.array([max(high - low, 1e-300) for low, high in ranges])
+    moved = gains / widths[:, None]
     found: dict[str, str] = {}
-    taken: set[int] = set()
-    for column, driven in enumerate(model.input_labels):
-        # Of several joints each is moved most by its own motor, in parts of what moves it at all.
-        share = ratios[:, column] * gains[:, column, 0] / np.maximum(gains[:, :, 0].max(1), 1e-300)
-        order = [row for row in np.argsort(-share) if row not in taken]
-        if order and ratios[order[0], column] >= INTEGRATING:
-            taken.add(order[0])
-            found[driven] = model.output_labels[order[0]]
-    return found
+    for _ in range(min(model.ninputs, model.noutputs)):
+        row, column = np.unravel_index(np.argmax(moved), moved.shape)
+        found[model.input_labels[column]] = model.output_labels[row]
+        moved[row, :] = moved[:, column] = -1.0
+    return {name: found[name] for name in model.input_labels if name in found}
 
 
 def _widths(facts: Mapping[str, object], role: str, count: int) -> list[tuple[float, float]]:

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from flexarm_core.rig_description import load_rig
+
+if TYPE_CHECKING:
+    from flexarm_core.rig_description import RigDescription
 
 _RIG: Final = load_rig("thesis")
 (_DRIVE,), (_HUB,) = _RIG.inputs, _RIG.joints
@@ -79,3 +82,8 @@ TRAVEL_V: Final = _HUB.high
 
 TRAVEL_DEG: Final = round(math.degrees(TRAVEL_V / POSITION_V_PER_RAD), 9)
 """The arm turns this far to either side (section 2.4.1), 80 degrees."""
+
+
+def is_thesis_arm(rig: RigDescription) -> bool:
+    """Return whether a rig has the signals of the thesis's arm, in their order."""
+    return rig.input_names == (COMMAND.name,) and rig.output_names == CHANNEL_NAMES

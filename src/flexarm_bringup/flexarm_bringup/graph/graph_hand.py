@@ -85,10 +85,10 @@ class GraphHand:
             for name, report in newest.items()
         }
 
-    def reference(self, volts: float) -> SetPoint:
-        """Give the controller a set-point, V; return the one in force."""
+    def reference(self, value: float, joint: str = "") -> SetPoint:
+        """Give the controller a set-point; return the one in force."""
         self._find("controller")
-        request = SetReference.Request(reference_v=volts)
+        request = SetReference.Request(reference_v=value, joint=joint)
         response = self._operator.call(SetReference, "set_reference", request)
         if not response.success:
             raise LaunchError(response.message)

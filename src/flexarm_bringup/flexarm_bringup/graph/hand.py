@@ -34,8 +34,8 @@ class Hand(Protocol):
     def page(self) -> str:
         """Return the address of the arm's page; empty when there is none."""
 
-    def reference(self, volts: float) -> SetPoint:
-        """Give the controller a set-point, V; return the one in force."""
+    def reference(self, value: float, joint: str = "") -> SetPoint:
+        """Give the controller a set-point, V of the thesis's arm; return the one in force."""
 
     def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
         """Return the parameters of a node, or of every one, with values, bounds and units.

@@ -116,9 +116,10 @@ class LiveHand:
         """Return the address of the arm's page."""
         return str(self.ask("address").data["url"])
 
-    def reference(self, volts: float) -> SetPoint:
-        """Give the controller a set-point, V; return the one in force."""
-        data = self.ask("reference", value_v=volts).data
+    def reference(self, value: float, joint: str = "") -> SetPoint:
+        """Give the controller a set-point; return the one in force."""
+        named = {"joint": joint} if joint else {}
+        data = self.ask("reference", value_v=value, **named).data
         return SetPoint(float(data["value_v"]), str(data.get("note", "")))
 
     def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:

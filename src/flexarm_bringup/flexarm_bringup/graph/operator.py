@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
     from flexarm_bringup.graph.run_figures import Run
 
-_SENDS = {"daq": "state", "controller": "command", "experiment": "command"}
-"""The first message of each node with a loop goes to this topic."""
+_COMMANDS = ("command", "io_command")
+_SENDS = {"daq": ("state", "io"), "controller": _COMMANDS, "experiment": _COMMANDS}
+"""The first message of each node with a loop goes to one of these topics."""
 _RECORD = "recorder/record"
 _IDENTIFY_S = 900.0
 _GOALS = {
@@ -71,7 +72,7 @@ class Operator(GraphClient):
     def activate(self, name: str) -> None:
         """Take a managed node to active; it waits for all readers that are known here."""
         if name in _SENDS:
-            listeners = self.node.count_subscribers(_SENDS[name])
+            listeners = sum(map(self.node.count_subscribers, _SENDS[name]))
             self.set_parameters(name, {"listeners": listeners})
         if not self.transition(name, Transition.TRANSITION_ACTIVATE):
             raise LaunchError(f"{name} refused to activate{self._why(name)}")

@@ -8,5 +8,5 @@ from typing import NamedTuple
 class SetPoint(NamedTuple):
     """Set-point in force, and what a user should know of it; mostly nothing."""
 
-    volts: float
+    value: float
     note: str = ""

@@ -150,7 +150,7 @@ class Follower:
     def _send(self, hand: LiveHand, wanted_v: float) -> None:
         try:
             in_force = hand.reference(wanted_v)
-            words = [f"set-point {self.units.shown('reference_v', in_force.volts)}", in_force.note]
+            words = [f"set-point {self.units.shown('reference_v', in_force.value)}", in_force.note]
             self.note = ": ".join(filter(None, words))
         except NoAnswerError:
             raise

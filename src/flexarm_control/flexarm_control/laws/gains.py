@@ -62,7 +62,7 @@ class Sampling(Bounded):
 class Coulomb(Bounded):
     """Unconditional Coulomb friction compensation (section 2.4.3)."""
 
-    compensation_v: float = setting(0.8, 0.0, 2.0, "V", "Coulomb friction compensation level")
+    compensation_v: float = setting(0.8, 0.0, 10.0, "V", "Coulomb friction compensation level")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from flexarm_core.channels import CHANNEL_NAMES, COMMAND
+from flexarm_core.channels import CHANNEL_NAMES, COMMAND, is_thesis_arm
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.own_modules import failed_line, own_module, told
@@ -25,7 +25,6 @@ from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_protocol import METHODS
 from flexarm_daq.rigs.simulated import SimulatedRig
-from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger
 
-from flexarm_core.channels import CHANNEL_NAMES, INPUT_RANGE_V, MAX_COMMAND_V
+from flexarm_core.channels import CHANNEL_NAMES, INPUT_RANGE_V, MAX_COMMAND_V, is_thesis_arm
 from flexarm_core.errors import SettingError
 from flexarm_core.tables import defaults, read_table
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
@@ -41,7 +41,6 @@ from flexarm_node.loop_node import LoopNode
 from flexarm_node.process import run
 from flexarm_node.stamps import stamp_text
 from flexarm_node.statistics import Rate
-from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
     import threading

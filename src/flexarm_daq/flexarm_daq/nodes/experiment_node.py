@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flexarm_core.channels import BOUND_V, MAX_COMMAND_V, TRAVEL_V
+from flexarm_core.channels import BOUND_V, MAX_COMMAND_V, TRAVEL_V, is_thesis_arm
 from flexarm_core.tables import read_table
 from flexarm_daq.experiments.excitation import EXCITATIONS, Excitation
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
-from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

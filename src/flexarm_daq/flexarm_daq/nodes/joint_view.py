@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from flexarm_core.channels import CHANNELS, COMMAND, DRIVE_A_PER_V
+from flexarm_core.channels import CHANNELS, COMMAND, DRIVE_A_PER_V, is_thesis_arm
 from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB, bend_angles
 from flexarm_daq.rigs.rig_parameters import RigParameters
-from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.rig_description import load_rig
@@ -17,7 +18,6 @@ from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
 from flexarm_daq.rigs.rig_protocol import absent_channels, has_virtual_time
 from flexarm_daq.rigs.simulated import SimulatedRig
-from flexarm_node.topics.codecs import is_thesis_arm
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexarm_core.rig_description import RigDescription
     from flexarm_daq.rigs.rig_protocol import Rig
 
-SIMULATORS = ("simulated", "mujoco")
+SIMULATORS = ("simulated", "mujoco", "twin")
 """Drivers whose time may be virtual."""
 NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from std_msgs.msg import Float64, Float64MultiArray
 
-from flexarm_core.channels import CHANNEL_NAMES, COMMAND
+from flexarm_core.channels import is_thesis_arm
 from flexarm_core.signals import Command, Sample
 from flexarm_msgs.msg import ArmState, IoCommand, IoSample, MotorCommand
 from flexarm_node.stamps import joined_ns, stamp_members
@@ -101,11 +101,6 @@ class Codec:
         if self.reference_type is Float64MultiArray:
             return Float64MultiArray(data=list(references))
         return Float64(data=references[0])
-
-
-def is_thesis_arm(rig: RigDescription) -> bool:
-    """Return whether a rig has the signals of the thesis's arm, in their order."""
-    return rig.input_names == (COMMAND.name,) and rig.output_names == CHANNEL_NAMES
 
 
 def codec_of(rig: RigDescription, frame: str) -> Codec:

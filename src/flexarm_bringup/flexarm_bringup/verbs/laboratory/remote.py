@@ -90,17 +90,25 @@ class _OfNumbers(click.Command):
 
 
 @click.command(cls=_OfNumbers, context_settings={"ignore_unknown_options": True})
-@click.argument("set_point_v", metavar="SET_POINT", type=Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V))
+@click.argument("words", metavar="[JOINT] SET_POINT", nargs=-1, required=True)
 @ARM
-@examples("reference 1.5", "reference -3", "reference 23deg")
-def reference(set_point_v: float, namespace: str) -> None:
+@examples("reference 1.5", "reference -3", "reference 23deg", "reference elbow 0.4")
+def reference(words: tuple[str, ...], namespace: str) -> None:
     """Give the running controller a set-point.
 
-    It is in V, or has its unit: deg, rad. What is in force is printed.
+    That of the thesis's arm is in V, or has its unit: deg, rad. A joint of another rig is named,
+    and its set-point is in the unit of its angle. What is in force is printed.
     """
-    in_force = through(namespace, lambda hand: hand.reference(set_point_v))
+    *joints, text = words
+    if len(joints) > 1:
+        raise click.UsageError(f"one joint and one set-point, not {' '.join(words)}")
+    joint, unit = "".join(joints), "" if joints else " V"
+    kind = click.FLOAT if joints else Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V)
+    context = click.get_current_context()
+    value: float = kind.convert(text, context.command.params[0], context)
+    in_force = through(namespace, lambda hand: hand.reference(value, joint))
     note = f": {as_called(in_force.note)}" if in_force.note else ""
-    click.echo(f"set-point {in_force.volts:g} V{note}")
+    click.echo(f"set-point {f'{joint} ' if joint else ''}{in_force.value:g}{unit}{note}")
 
 
 @click.command()

@@ -41,7 +41,9 @@ from flexarm_bringup.verbs.laboratory.viewers import (
 )
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.sample_rate import suits
+from flexarm_core.channels import is_thesis_arm
 from flexarm_core.outputs import require_folder
+from flexarm_core.rig_description import SHORT_NAMES, load_rig
 from flexarm_live.serving.foxglove_server import require_foxglove
 
 if TYPE_CHECKING:
@@ -56,6 +58,7 @@ _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
 # It commands in open loop, when a page asks for such an experiment.
 _IDLE = ("experiment",)
+_USUAL_RIG = "simulated"
 _RATE, _SHAPER_RATE = "rate_hz", "shaper_rate_hz"
 
 
@@ -67,6 +70,7 @@ class _Settings:
     rate_hz: float
     law: str
     reference: str
+    rig: str
     bag: Path | None
     pace: Pace
     parameter_files: tuple[Path, ...]
@@ -77,7 +81,9 @@ class _Settings:
 
 
 # What is changed in a run is in its record: `law` tells the law, this the payload and the limits.
-_RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_events"]
+_OF_ANY = ["commander", "law", "rig_description", "/parameter_events"]
+_RECORDED = [*_OF_ANY, "state", "command", "reference"]
+_RECORDED_IO = [*_OF_ANY, "io", "io_channels", "io_command", "io_reference"]
 
 
 @click.command()
@@ -87,9 +93,19 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
     "rate_hz",
     type=Quantity(FREQUENCY_HZ, 10.0, 2000.0),
     metavar="FREQUENCY",
-    default=300.0,
+    help="Hz; 300 for the thesis's arm, that of the description for another rig.",
+)
+@click.option(
+    "--rig",
+    default=_USUAL_RIG,
     show_default=True,
-    help="Hz.",
+    metavar="NAME|FILE",
+    help="Arm: the name or the file of a rig description (`flexarm rig new` writes one).",
+)
+@click.option(
+    "--twin",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Arm: the twin of an identified model, model.yaml.",
 )
 @click.option(
     "--reference",
@@ -99,7 +115,10 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
     help="Set-points from the topic `reference`, or a built-in profile.",
 )
 @click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
-@click.option("--law", default="pdpc", show_default=True, help=f"Law: {', '.join(LAWS)}.")
+@click.option(
+    "--law",
+    help=f"Law: {', '.join(LAWS)}; pdpc for the thesis's arm, pd for another rig.",
+)
 @click.option("--compose", is_flag=True, help="Run daq and controller in one process: 1 to 2 kHz.")
 @REAL_TIME
 @PARAMETER_FILES
@@ -113,8 +132,18 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
     "up --namespace arm2",
     "up --no-page --foxglove",
     "up --compose --rate 1000 --real-time",
+    "up --rig my_arm.yaml",
+    "up --twin out/identify/model.yaml",
 )
-def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
+def up(
+    *,
+    real_time: bool,
+    rig: str,
+    twin: Path | None,
+    rate_hz: float | None,
+    law: str | None,
+    **settings: Any,  # noqa: ANN401
+) -> None:
     """Run the nodes of an arm and its page, until Ctrl-C.
 
     The nodes are daq, controller, recorder and ident, and for the page live and experiment, which
@@ -129,10 +158,39 @@ def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
     deactivated one leaves its place as well. The arm goes on without any other node that ends, and
     the exit code is 1 then. The end of the DAQ node is that of all.
     """
-    _run_graph(_Settings(pace=chosen_pace(real_time=real_time), **settings))
+    if twin is not None:
+        rig = str(_twin_rig(twin))
+    description = load_rig(rig)
+    is_thesis = is_thesis_arm(description)
+    if rig not in SHORT_NAMES and rate_hz not in (None, description.rate_hz):
+        raise click.UsageError(f"--rate: {rig} samples at {description.rate_hz:g} Hz by its file")
+    if rate_hz is None:
+        rate_hz = 300.0 if rig in SHORT_NAMES else description.rate_hz
+    chosen = _Settings(
+        pace=chosen_pace(real_time=real_time),
+        rig=str(Path(rig).absolute()) if Path(rig).is_file() else rig,
+        rate_hz=rate_hz,
+        law=law or ("pdpc" if is_thesis else "pd"),
+        **settings,
+    )
+    _run_graph(chosen, is_thesis=is_thesis)
 
 
-def _run_graph(settings: _Settings) -> None:
+def _twin_rig(model: Path) -> Path:
+    """Write the description of a model's twin, where there is none, and say where it is."""
+    from flexarm_control.twin import twin_description  # noqa: PLC0415 - others load no models
+
+    file = Path("out", "twin", f"{model.absolute().parent.name}.yaml")
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(twin_description(model), encoding="utf-8")
+    terminal.CONSOLE.print(
+        as_called(f"the arm is described in {file}: change it, then --rig {file}")
+    )
+    return file
+
+
+def _run_graph(settings: _Settings, *, is_thesis: bool) -> None:
     if settings.foxglove_port is not None:
         require_foxglove()
     bag = settings.bag
@@ -140,16 +198,19 @@ def _run_graph(settings: _Settings) -> None:
         raise LaunchError(f"{bag} is there already and is not overwritten: choose another name")
     if bag:
         require_folder(bag.parent, "--bag")
+    # The thesis's arm simulated is the default, and parameter files may name another driver.
+    rig = {} if settings.rig == _USUAL_RIG else {"rig": settings.rig}
     daq = {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz}
     parameters = {
-        "daq": daq | settings.pace.parameters(),
-        "controller": _controller(settings),
-        "recorder": {"topics": _RECORDED},
+        "daq": daq | settings.pace.parameters() | rig,
+        "controller": _controller(settings) | rig,
+        "experiment": rig,
+        "recorder": {"topics": _RECORDED if is_thesis else _RECORDED_IO},
     }
     nodes: tuple[str, ...] = LABORATORY
     if settings.page is not None:
         nodes = (*_IDLE, *nodes, PAGE_NODE)
-        parameters[PAGE_NODE] = settings.page.parameters()
+        parameters[PAGE_NODE] = settings.page.parameters() | rig
     if settings.foxglove_port is not None:
         nodes = (*nodes, FOXGLOVE_NODE)
         parameters[FOXGLOVE_NODE] = foxglove_parameters(settings.foxglove_port)
@@ -253,7 +314,7 @@ def _stay(
 
     def controller() -> str:
         # Else its first commands might come before the recorder is discovered.
-        readers = operator.node.count_subscribers("command")
+        readers = sum(map(operator.node.count_subscribers, ("command", "io_command")))
         files = [f"--params-file {terminal.quoted(each)}" for each in settings.parameter_files]
         start = _controller(settings)
         own = since.words(start)
