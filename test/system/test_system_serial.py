@@ -164,7 +164,7 @@ def test_commands___that_answer_old_samples___drive_nothing(board: SimulatedBoar
         rig.read()
     begun = board.lines
     rig.newest = rig.newest._replace(sequence=old)  # type: ignore[union-attr]
-    rig.write(400.0)
+    rig.write([400.0])
     board.wait(0.05)
     assert [each for each in board.heard(begun) if each[0] == "drive"] == []
     rig.close()
@@ -197,7 +197,7 @@ def test_stop_button___pressed___is_latched_until_the_next_start(board: Simulate
     assert zero_within(board, begun)[0] - int(board.told("pressed", begun)[0]) < MOST_US
     board.say("release")
     for _ in range(10):
-        rig.write(400.0)
+        rig.write([400.0])
         with pytest.raises(RigError, match="stop of the board is pressed"):
             rig.read()
     assert [each for each in board.heard(begun) if each[0] == "drive"] == []
@@ -223,7 +223,7 @@ def test_command___beyond_the_limits___is_clipped_and_slewed_by_the_board(
     applied = []
     for _ in range(20):
         rig.read()
-        rig.write(1e6)
+        rig.write([1e6])
         assert rig.newest is not None
         applied.append(rig.newest.applied[0])
     assert max(applied) == limit

@@ -118,8 +118,8 @@ class LiveHand:
 
     def reference(self, value: float, joint: str = "") -> SetPoint:
         """Give the controller a set-point; return the one in force."""
-        named = {"joint": joint} if joint else {}
-        data = self.ask("reference", value_v=value, **named).data
+        named: dict[str, Any] = {"value_v": value} | ({"joint": joint} if joint else {})
+        data = self.ask("reference", **named).data
         return SetPoint(float(data["value_v"]), str(data.get("note", "")))
 
     def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:

@@ -19,7 +19,6 @@ from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_core.arrays import FloatArray
     from flexarm_daq.drivers.serial.messages import BoardSample, Greeting
 
 _GREETING_S: Final = 5.0
@@ -163,10 +162,10 @@ class SerialRig:
         readings = np.array([newest.raw[place] for place in self._sensors], dtype=float)
         return RigSample(1e-6 * self._time_us, readings)
 
-    def write(self, commands: FloatArray | float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
         """Send a command in counts, clipped by the board's limits; see `Rig.write`."""
         line = self._opened()
-        values = np.atleast_1d(np.asarray(commands, dtype=float))
+        values = np.asarray(commands, dtype=float)
         if values.shape != (len(self._drives),) or not np.isfinite(values).all():
             self.safe_stop()
             raise RigError(f"commands must be {len(self._drives)} finite numbers, got {commands}")

@@ -150,9 +150,9 @@ def test_rig___writes___counts_that_answer_the_newest_sample(board: Board) -> No
     rig = opened(board)
     board.say(sample(77, 0))
     rig.read()
-    rig.write(np.array([-300.4]))
+    rig.write([-300.4])
     assert struct.unpack("<BHhh", board.hears(1, COMMAND)) == (COMMAND, 77, 0, -300)
-    rig.write(1e9)
+    rig.write([1e9])
     assert struct.unpack("<BHhh", board.hears(2, COMMAND)) == (COMMAND, 77, 0, 800)
     rig.safe_stop()
     assert struct.unpack("<BHhh", board.hears(3, COMMAND)) == (COMMAND, 77, 0, 0)
@@ -161,13 +161,13 @@ def test_rig___writes___counts_that_answer_the_newest_sample(board: Board) -> No
     board.hears(2, STOP)
     rig.safe_stop()
     with pytest.raises(RigError, match="not open"):
-        rig.write(0.0)
+        rig.write([0.0])
 
 
 def test_rig___command_that_is_none___is_refused_with_the_drive_at_zero(board: Board) -> None:
     rig = opened(board)
     with pytest.raises(RigError, match="commands must be 1 finite numbers, got nan"):
-        rig.write(np.nan)
+        rig.write([np.nan])
     assert struct.unpack("<BHhh", board.hears(1, COMMAND))[2:] == (0, 0)
     rig.close()
 
