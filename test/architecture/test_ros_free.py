@@ -24,6 +24,7 @@ CONNECTING = {
         for name in (
             "topics.waiting",
             "topics.shared_topic",
+            "codecs",
             "qos",
             "parameters",
             "process",

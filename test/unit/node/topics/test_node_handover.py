@@ -67,12 +67,12 @@ def test_topic___where_commands_are_handed_over_one_after_the_other___is_read_be
     None
 ):
     handover, own = DirectHandover(), [command(number) for number in range(1, 6)]
-    topic = Topic(*([command] for command in own))
+    topic = Topic(*([each] for each in own))
     commands = waiter(handover, topic)
     with handover.answering(ignore, nothing):
-        for command in own:
-            handover.give(command)
-            assert commands.wait_newest(PATIENCE_S) == command
+        for each in own:
+            handover.give(each)
+            assert commands.wait_newest(PATIENCE_S) == each
     assert topic.waits_s == [0.0] * 4
 
 

@@ -103,7 +103,9 @@ def reference(words: tuple[str, ...], namespace: str) -> None:
     if len(joints) > 1:
         raise click.UsageError(f"one joint and one set-point, not {' '.join(words)}")
     joint, unit = "".join(joints), "" if joints else " V"
-    kind: click.ParamType = click.FLOAT if joints else Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V)
+    kind: click.ParamType[Any] = (
+        click.FLOAT if joints else Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V)
+    )
     context = click.get_current_context()
     value: float = kind.convert(text, context.command.params[0], context)
     in_force = through(namespace, lambda hand: hand.reference(value, joint))

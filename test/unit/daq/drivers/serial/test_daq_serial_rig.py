@@ -166,7 +166,7 @@ def test_rig___writes___counts_that_answer_the_newest_sample(board: Board) -> No
 
 def test_rig___command_that_is_none___is_refused_with_the_drive_at_zero(board: Board) -> None:
     rig = opened(board)
-    with pytest.raises(RigError, match="commands must be 1 finite numbers, got nan"):
+    with pytest.raises(RigError, match="commands must be 1 finite numbers, got"):
         rig.write([np.nan])
     assert struct.unpack("<BHhh", board.hears(1, COMMAND))[2:] == (0, 0)
     rig.close()

@@ -7,7 +7,7 @@ from std_msgs.msg import Float64, Float64MultiArray
 from flexarm_core.rig_description import described, load_rig
 from flexarm_core.signals import Command, Sample
 from flexarm_msgs.msg import ArmState, IoCommand, IoSample, MotorCommand
-from flexarm_node.topics.codecs import codec_of
+from flexarm_node.codecs import codec_of
 
 FRAME = "flexarm/base_link"
 TWO_JOINTS = """
