@@ -227,10 +227,10 @@ def arm_alignment(states: Pieces, commands: Pieces, *, source: str) -> Alignment
 
 def io_alignment(
     samples: Pieces,
-    commands: Pieces,
     channels: Channels | None,
     *,
     source: str,
+    commands: Pieces = tuple,
     wrap: float | None = None,
 ) -> Alignment:
     """Align the messages of any other rig.
@@ -242,12 +242,12 @@ def io_alignment(
     ----------
     samples : callable
         Starts to read the ``IoSample`` messages; NaN in an output is not measured.
-    commands : callable
-        Starts to read the ``IoCommand`` messages of a running rig, as in `arm_alignment`.
     channels : Channels or None
         Names and rate; None when they were not recorded.
     source : str
         Name of the record.
+    commands : callable
+        Starts to read the ``IoCommand`` messages of a running rig, as in `arm_alignment`.
     wrap : float, optional
         Period at which outputs wrap, as in `found_wraps`.
 

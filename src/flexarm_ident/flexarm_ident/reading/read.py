@@ -207,7 +207,7 @@ def _aligned(
     if bag.types[topic] == ARM_STATE:
         return arm_alignment(samples, commands, source=str(bag.path))
     channels = bag.channels(sibling(topic, "io_channels"))
-    return io_alignment(samples, commands, channels, source=str(bag.path), wrap=wrap)
+    return io_alignment(samples, channels, source=str(bag.path), commands=commands, wrap=wrap)
 
 
 def _command_pieces(bag: Bag, topic: str) -> Iterable[Recorded]:
