@@ -36,7 +36,7 @@ RIGHTS = {
     ),
     Needs.OWNER: "address hello task samples",
 }
-FIELDS = {
+FIELDS: dict[str, dict[str, object]] = {
     "record": {"on": True},
     "identify": {"bag": "b"},
     "identify_line": {"bag": "b"},
