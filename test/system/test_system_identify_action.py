@@ -5,6 +5,7 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 import rclpy
 from rcl_interfaces.srv import GetParameters
@@ -13,10 +14,13 @@ from rclpy.action.client import GoalStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 
+from flexarm_ident.job import identify_bags
 from flexarm_ident.models.files import load_model
 from flexarm_ident.models.model_parameters import model_from_parameters
+from flexarm_ident.workflow.request import Request
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.srv import Identify
+from support.identification_service import as_plain
 from support.project import BAGS
 from support.system_graph import Graph, eventually
 
@@ -255,6 +259,24 @@ def test_node_at_work___answers_and_says_that_it_is_busy(
     assert status == GoalStatus.STATUS_ABORTED
     status, result = goal.result()
     assert status == GoalStatus.STATUS_SUCCEEDED, result.message
+
+
+def test_service___call_with_the_bag_alone___is_the_model_of_the_command(
+    laboratory: Graph, tmp_path: Path
+) -> None:
+    response = laboratory.call(Identify, "identify", Identify.Request(bag_uris=[str(BAG)]))
+
+    assert response.success, response.message
+    expected = identify_bags([BAG], tmp_path / "command", Request())
+    assert list(response.dmv) == pytest.approx(list(expected.dmv), rel=1e-9)
+    answered = model_from_parameters(
+        BAG.name,
+        {
+            each.name: as_plain(Parameter.from_parameter_msg(each).value)
+            for each in response.parameters
+        },
+    )
+    assert np.abs(np.linalg.eigvals(answered.A)).max() < 1.0
 
 
 def test_goal_that_fails___is_aborted_with_one_line(

@@ -36,6 +36,7 @@ class TunerNode(Node):
                     gain_margin_db=request.gain_margin_db or None,
                     phase_margin_deg=request.phase_margin_deg or None,
                     delay_s=request.delay_s,
+                    duration_s=request.duration_s or None,
                 ),
                 friction_levels_v(request.models),
             )

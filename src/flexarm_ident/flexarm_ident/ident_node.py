@@ -249,7 +249,9 @@ def as_bags(uris: Sequence[str]) -> list[Path]:
 
 
 def as_request(message: Asked) -> Request:
-    """Convert a service request or a goal to a `Request`; zero and empty fields take the defaults.
+    """Convert a service request or a goal to a `Request`.
+
+    Zero and empty fields take the defaults of `Request`; booleans have them in the message.
 
     Raises
     ------

@@ -29,7 +29,6 @@ _WeightsT = TypeVar("_WeightsT", bound=RegulatorWeights)
 
 #: Effort weights of the search, all of which are tried.
 EFFORTS = tuple(np.geomspace(0.05, 100.0, 23).tolist())
-_DURATION_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,7 @@ def tune_regulator(
         tried = replace(weights, effort=effort)
         made = design(reduced.model, tried)
         margins = tuple(loop.margins(made) for loop in loops)
-        trials.append(_Trial(tried, margins, np.array([_parts(made, loop) for loop in loops])))
+        trials.append(_Trial(tried, margins, _all_parts(made, loops, wanted.duration_s)))
     feasible = [trial for trial in trials if np.all(wanted.excess(trial.margins) >= 0.0)]
     if not feasible:
         raise SettingError(_none_found(trials, wanted))
@@ -126,12 +125,16 @@ def tune_regulator(
     )
 
 
-def _parts(design: IlqrDesign, loop: RegulatorLoop) -> tuple[float, float]:
+def _all_parts(design: IlqrDesign, loops: Sequence[RegulatorLoop], duration_s: float) -> FloatArray:
+    return np.array([_parts(design, loop, duration_s) for loop in loops])
+
+
+def _parts(design: IlqrDesign, loop: RegulatorLoop, duration_s: float) -> tuple[float, float]:
     """Return E and Y of the response to a step of 1 V, not finite for some unstable loops."""
     closed = closed_loop(design, loop.model)
     dt_s = float(closed.dt)
     with np.errstate(over="ignore", invalid="ignore"):
-        y = constant_input_response(closed.A, closed.B, closed.C, round(_DURATION_S / dt_s))
+        y = constant_input_response(closed.A, closed.B, closed.C, round(duration_s / dt_s))
         return step_itae(y, dt_s=dt_s)
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _MOST_DB, _MOST_DEG = 60.0, 180.0
 # A longer delay adds many states to the models, and no loop of the arm is stable with it.
 _MOST_DELAY_S = 0.05
+_MOST_DURATION_S = 60.0
 _ACTIVE_WITHIN_DB, _ACTIVE_WITHIN_DEG = 0.1, 0.5
 
 
@@ -32,6 +33,8 @@ class Requirements:
         W_E and W_sg of (4-3), not both zero.
     gain_margin_db, phase_margin_deg : float
         Least margins on every model, above 0 and at most 60 dB and below 180 deg.
+    duration_s : float
+        Length of the step of the criterion, above 0 and at most 60 s.
 
     Raises
     ------
@@ -43,6 +46,7 @@ class Requirements:
     strain_weight: float = 0.5
     gain_margin_db: float = 10.0
     phase_margin_deg: float = 55.0
+    duration_s: float = 5.0
 
     def __post_init__(self) -> None:
         for name in ("error_weight", "strain_weight"):
@@ -60,6 +64,7 @@ class Requirements:
                 f"phase_margin_deg = {self.phase_margin_deg:g} deg; must be above 0 and below"
                 f" {_MOST_DEG:g} deg"
             )
+        check_duration(self.duration_s)
 
     def criterion(self, parts: FloatArray) -> float:
         """Return J of (4-3) for E and Y of every model, (models, 2)."""
@@ -81,6 +86,14 @@ class Requirements:
             if margin.phase_margin_deg <= self.phase_margin_deg + _ACTIVE_WITHIN_DEG:
                 active.append(f"phase margin of model {number}")
         return active
+
+
+def check_duration(duration_s: float) -> None:
+    """Raise a SettingError for a length of the criterion's step that cannot be used, s."""
+    if not 0.0 < duration_s <= _MOST_DURATION_S:
+        raise SettingError(
+            f"duration_s = {duration_s:g}; must be above 0 and at most {_MOST_DURATION_S:g} s"
+        )
 
 
 def check_delay(delay_s: float) -> None:

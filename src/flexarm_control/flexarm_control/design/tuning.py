@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm_control.design.criteria import itae, step_itae
 from flexarm_control.design.margins import LoopResponse, Margins
-from flexarm_control.design.requirements import Requirements, check_delay
+from flexarm_control.design.requirements import Requirements, check_delay, check_duration
 from flexarm_control.design.search import Search, gain_values, search, unconstrained
 from flexarm_control.design.step_response import pdp_step_response, pi_step_response
 from flexarm_control.laws.gains import PdpGains, PiGains
@@ -160,7 +160,7 @@ def tune_pdp(
     SettingError
         When a model or value cannot be used or no search meets the constraints.
     """
-    wanted = Requirements(error_weight, strain_weight, gain_margin_db, phase_margin_deg)
+    wanted = Requirements(error_weight, strain_weight, gain_margin_db, phase_margin_deg, duration_s)
     check_delay(delay_s)
     if not models or not starts:
         raise SettingError("tuning needs at least one model and one starting point")
@@ -232,6 +232,7 @@ def tune_pi(
         When the model or the delay cannot be used or there is no starting point.
     """
     check_delay(delay_s)
+    check_duration(duration_s)
     if not starts:
         raise SettingError("tuning needs at least one starting point")
     check_arm_model(model)

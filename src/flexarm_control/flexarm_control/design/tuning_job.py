@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -82,6 +82,8 @@ class TuneRequest:
         Least margins on every model; None takes those of `Requirements`. PI has none.
     delay_s : float
         Loop delay, s.
+    duration_s : float or None
+        Length of the step of the criterion, s; None takes that of `Requirements`.
     """
 
     law: str = "pdp"
@@ -90,10 +92,11 @@ class TuneRequest:
     gain_margin_db: float | None = None
     phase_margin_deg: float | None = None
     delay_s: float = 0.0
+    duration_s: float | None = None
 
     def constraints(self) -> dict[str, Any]:
-        """Return the weights and margins that were given."""
-        names = ("error_weight", "strain_weight", "gain_margin_db", "phase_margin_deg")
+        """Return the weights, the margins and the length that were given."""
+        names = (field.name for field in fields(Requirements))
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def requirements(self) -> Requirements:
@@ -190,9 +193,10 @@ def _tune_pi(models: Models, request: TuneRequest) -> TuneResult:
     if len(models) != 1:
         raise SettingError(f"pi is tuned on one model, got {len(models)}")
     unused = request.constraints()
+    length = {name: unused.pop(name) for name in ("duration_s",) if name in unused}
     if unused:
         raise SettingError(f"pi is tuned without {', '.join(unused)}: leave that out or take pdp")
-    found = tune_pi(next(iter(models.values())), delay_s=request.delay_s)
+    found = tune_pi(next(iter(models.values())), delay_s=request.delay_s, **length)
     explanation = (
         "J: integral of time times the error of a step of 1 V (4-1), V s^2; smaller is better",
         searched(("kp", "ki"), PI_BOUNDS),

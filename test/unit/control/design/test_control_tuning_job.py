@@ -16,10 +16,12 @@ from flexarm_control.design.model_sources import friction_levels_v, load_models
 from flexarm_control.design.search import Search
 from flexarm_control.design.tuning import PdpTuning
 from flexarm_control.design.tuning_job import TuneRequest, tune
-from flexarm_control.laws.gains import PdpGains
+from flexarm_control.laws.gains import PdpGains, PiGains, Sampling
+from flexarm_control.laws.pi import Pi
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.chosen_model import chosen_model
 from flexarm_control.models.nominal_models import identified_model
+from flexarm_control.simulation import simulate_loop
 from flexarm_ident.models.files import save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.models.ros_yaml import write_parameter_file
@@ -112,6 +114,23 @@ def test_tune___pi___is_tune_pi_on_one_model() -> None:
     )
     with pytest.raises(ControlError, match="one model, got 2"):
         tune(load_models(["nominal:0", "nominal:0.2"]), TuneRequest("pi"))
+
+
+def test_tune___duration___is_the_length_of_the_criterion() -> None:
+    model = nominal_model(0.0)
+    short = tune(load_models(["nominal:0"]), TuneRequest("pi", duration_s=2.0))
+    gains = PiGains(short.parameters["pi.kp"], short.parameters["pi.ki"])
+    step = simulate_loop(model, Pi(gains, Sampling(1.0 / model.dt)), np.ones(600))
+    since_s = np.arange(600) * model.dt
+    expected = float(np.sum(since_s * np.abs(1.0 - step.y[:, 0])) * model.dt)
+    assert short.criteria[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("law", ["pdp", "pi"])
+@pytest.mark.parametrize("duration_s", [0.0, 61.0, float("nan")])
+def test_tune___duration_out_of_range___is_refused(law: str, duration_s: float) -> None:
+    with pytest.raises(ControlError, match=r"^duration_s = .*at most 60 s"):
+        tune(load_models(["nominal:0"]), TuneRequest(law, duration_s=duration_s))
 
 
 @pytest.mark.parametrize(

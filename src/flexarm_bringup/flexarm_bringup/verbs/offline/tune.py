@@ -53,6 +53,15 @@ if TYPE_CHECKING:
     show_default=True,
     help="Loop delay, s, or with its unit: 0.5ms.",
 )
+@click.option(
+    "--duration",
+    "duration_s",
+    type=Quantity(TIME_S, 0.0, 60.0),
+    metavar="TIME",
+    default=5.0,
+    show_default=True,
+    help="Length of the step of the criterion.",
+)
 @FORCE
 @examples(
     "tune nominal:0 nominal:0.2 nominal:0.4",
