@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import pytest
@@ -27,4 +28,5 @@ def test_as_request___one_field_set___has_the_defaults_of_the_command(kind: type
 @pytest.mark.parametrize("kind", [Identify.Request, IdentifyBags.Goal])
 @pytest.mark.parametrize("field", ["filter_input", "remove_compensation", "stabilise", "friction"])
 def test_as_request___false___is_what_was_asked_for(kind: type[Asked], field: str) -> None:
-    assert as_request(kind(**{field: False})) == Request(**{field: False})
+    found, usual = asdict(as_request(kind(**{field: False}))), asdict(Request())
+    assert {name for name, value in found.items() if value != usual[name]} == {field}

@@ -119,8 +119,11 @@ def test_tune___pi___is_tune_pi_on_one_model() -> None:
 def test_tune___duration___is_the_length_of_the_criterion() -> None:
     model = nominal_model(0.0)
     short = tune(load_models(["nominal:0"]), TuneRequest("pi", duration_s=2.0))
-    gains = PiGains(short.parameters["pi.kp"], short.parameters["pi.ki"])
-    step = simulate_loop(model, Pi(gains, Sampling(1.0 / model.dt)), np.ones(600))
+    kp, ki = (short.parameters[f"pi.{name}"] for name in ("kp", "ki"))
+    assert isinstance(kp, float)
+    assert isinstance(ki, float)
+    law = Pi(PiGains(kp, ki), Sampling(1.0 / model.dt))
+    step = simulate_loop(model, law, np.ones(600))
     since_s = np.arange(600) * model.dt
     expected = float(np.sum(since_s * np.abs(1.0 - step.y[:, 0])) * model.dt)
     assert short.criteria[0] == pytest.approx(expected, rel=1e-6)
