@@ -103,8 +103,7 @@ class ControllerNode(AnsweringNode):
 
     def commander(self) -> tuple[str, bool]:
         """Return the name of the law, and whether it uses the outputs."""
-        law_spec = self._setup.law_spec
-        return law_spec.name, bool(law_spec.uses_outputs)
+        return self._setup.law, self._setup.uses_outputs
 
     def make_topics(self) -> None:
         """Make the topics of the loop."""
@@ -186,7 +185,7 @@ class ControllerNode(AnsweringNode):
     def answered(self, taken_ns: int) -> None:
         """Publish what is in force for the law, when that is due, and the payload at intervals."""
         self._tell_law(taken_ns)
-        (setup, *_) = self._setup.setups
+        setup = self._setup
         if setup.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return
         self._weighed_ns = taken_ns
@@ -197,7 +196,7 @@ class ControllerNode(AnsweringNode):
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""
         unit = self._setup.tracks[0].unit
-        yield {"law": self._setup.law_spec.name, f"set-point {unit}": self._reference_text()}
+        yield {"law": self._setup.law, f"set-point {unit}": self._reference_text()}
         yield from super().figures()
 
     def _note_law(
@@ -252,7 +251,7 @@ class ControllerNode(AnsweringNode):
     def _on_parameters(self, _: Mapping[str, Any]) -> None:
         """Put accepted parameters into force, from the next sample on."""
         before, self._setup = self._setup, self._accepted
-        if self.running and self._setup.law_spec is not before.law_spec:
+        if self.running and self._setup.law != before.law:
             self.declare_commander()
 
     def _publish_reference(self) -> None:

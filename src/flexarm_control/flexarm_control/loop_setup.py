@@ -54,7 +54,7 @@ PARAMETERS = (
         "controller",
         {
             "topic": TOPIC,
-            "laws": tuple(LAWS),
+            "laws": (*LAWS, "servo"),
             "references": (TOPIC, *REFERENCES),
             "no_shaper": NONE,
             "shapers": (NONE, *SHAPERS),
@@ -194,7 +194,7 @@ def parameters_in(text: str) -> dict[str, Any]:
     if not isinstance(values, dict) or not {"law", "reference"} <= values.keys():
         raise SettingError("the parameters of the law are without law or reference")
     for name, value in values.items():
-        if name.startswith(PREFIX) or name == "rig":
+        if name.startswith(PREFIX) or name in {"rig", "servo.content"}:
             continue
         spec = _SPECS.get(name)
         if spec is None:

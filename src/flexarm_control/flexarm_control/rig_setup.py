@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from flexarm_control.joint_laws import JointLaws, joint_ways
 from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.laws.switching import Handover
-from flexarm_control.loop_setup import Setup
+from flexarm_control.loop_setup import TOPIC, Setup
+from flexarm_control.sample_rate import suits
+from flexarm_control.servo.loop import ServoLoop, require_signals
+from flexarm_core.bounds import read_text_bytes
 from flexarm_core.channels import is_thesis_arm
+from flexarm_core.errors import SettingError, reason
 from flexarm_core.nearest import nearest
 from flexarm_core.rig_description import described, load_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from flexarm_control.laws.law_protocol import LawWithMemory, Memory
-    from flexarm_control.laws.registry import LawSpec
+    from flexarm_control.laws.law_protocol import Memory
+    from flexarm_control.laws.payload import PayloadEstimate
+    from flexarm_control.servo.controller import Servo
     from flexarm_core.rig_description import RigDescription
     from flexarm_core.signals import Sample
 
@@ -26,6 +32,9 @@ if TYPE_CHECKING:
 
 RIG = "rig"
 """Entry of the text of a setup: the description of a rig that is not the thesis's arm."""
+SERVO = "servo"
+CONTROLLER, CONTENT = "servo.controller", "servo.content"
+"""Parameter with the file of a controller, and the content of that file in a record."""
 REFERENCES = "references"
 """Group of the memory with the set-points of such a rig."""
 
@@ -33,7 +42,7 @@ REFERENCES = "references"
 class Loop(Protocol):
     """Laws of a rig in their loop; they can be replaced between two samples."""
 
-    def replace(self, laws: Sequence[LawWithMemory]) -> None:
+    def replace(self, laws: Sequence[Any]) -> None:
         """Take other laws from the next sample on, without a jump of the commands."""
 
     def step(self, sample: Sample, references: Sequence[float]) -> Answer:
@@ -79,14 +88,17 @@ class RigSetup:
     rig : RigDescription
         The rig.
     setups : tuple of Setup
-        Law and reference of each joint; of the thesis's arm that of the arm.
+        Law and reference of each joint; of the thesis's arm that of the arm; none with a servo.
     text : str
         All that they were built from, as JSON.
+    servo : Servo or None
+        Controller of all inputs in the place of laws.
     """
 
     rig: RigDescription
     setups: tuple[Setup, ...]
     text: str
+    servo: Servo | None = None
 
     @classmethod
     def of(cls, values: Mapping[str, Any], rig: RigDescription | None = None) -> RigSetup:
@@ -98,36 +110,76 @@ class RigSetup:
             When the values do not fit together, or the rig lacks what the law needs.
         """
         rig = rig or load_rig(values[RIG])
+        if values["law"] == SERVO:
+            return cls.of_servo(values, rig)
         if is_thesis_arm(rig):
             setup = Setup.of(values)
             return cls(rig, (setup,), setup.text)
         setups = Setup.of_joints(values, rig)
         return cls(rig, setups, json.dumps({**json.loads(setups[0].text), RIG: rig.text}))
 
-    @property
-    def law_spec(self) -> LawSpec:
-        """Row of the control law."""
-        return self.setups[0].law_spec
+    @classmethod
+    def of_servo(cls, values: Mapping[str, Any], rig: RigDescription) -> RigSetup:
+        """Load the controller that `flexarm design` made; a record has its file's content.
+
+        Raises
+        ------
+        SettingError
+            When there is none, or its signals are not those of the rig.
+        """
+        # It loads a compiler, which the other laws do without.
+        from flexarm_control.servo.controller import Servo  # noqa: PLC0415
+        from flexarm_control.servo.files import gains_in  # noqa: PLC0415
+
+        file = values[CONTROLLER]
+        content = values.get(CONTENT)
+        if not file:
+            raise SettingError(f"law servo needs {CONTROLLER}, a controller.yaml of flexarm design")
+        if content is None:
+            try:
+                content = read_text_bytes(Path(file)).decode("utf-8")
+            except (OSError, UnicodeDecodeError) as error:
+                raise SettingError(f"{CONTROLLER} = {file!r}: {reason(error)}") from error
+        servo = Servo(gains_in(content.encode(), file))
+        require_signals(servo, rig)
+        used = {"law": SERVO, "reference": TOPIC, CONTROLLER: file, CONTENT: content}
+        return cls(rig, (), json.dumps({**used, RIG: rig.text}), servo)
 
     @property
-    def laws(self) -> tuple[LawWithMemory, ...]:
-        """Laws of the joints."""
-        return tuple(each.law for each in self.setups)
+    def law(self) -> str:
+        """Name of the control law."""
+        return self.setups[0].law_spec.name if self.setups else SERVO
+
+    @property
+    def uses_outputs(self) -> bool:
+        """Whether the law uses the outputs."""
+        return not self.setups or bool(self.setups[0].law_spec.uses_outputs)
+
+    @property
+    def payload(self) -> Callable[[], PayloadEstimate] | None:
+        """Function that returns the law's estimate of the payload, if it has one."""
+        return self.setups[0].payload if self.setups else None
+
+    @property
+    def laws(self) -> tuple[Any, ...]:
+        """Laws of the joints, or the servo: what `Loop.replace` takes."""
+        return (self.servo,) if self.servo else tuple(each.law for each in self.setups)
 
     @property
     def tracks(self) -> tuple[Track, ...]:
         """Outputs that the set-points mean, in their order."""
         joints = {each.angle: each for each in self.rig.joints}
-        units = {each.name: each.unit for each in self.rig.outputs}
-        return tuple(
-            Track(joints[name].name, name, units[name], joints[name].low, joints[name].high)
-            for name in joints
-        )
+        found = []
+        for name in self.servo.tracked if self.servo else joints:
+            output, joint = self.rig.output(name), joints.get(name)
+            ends = (joint.low, joint.high) if joint else (output.low, output.high)
+            found.append(Track(joint.name if joint else name, name, output.unit, *ends))
+        return tuple(found)
 
     @property
     def has_profile(self) -> bool:
         """Whether the reference is a built-in one or a trajectory."""
-        return self.setups[0].profile is not None
+        return bool(self.setups) and self.setups[0].profile is not None
 
     def profile(self, time_s: float) -> tuple[float, ...]:
         """Return the set-points of the built-in reference, which every joint follows."""
@@ -157,9 +209,16 @@ class RigSetup:
         """Refuse samples at another rate than that of the laws; see `Setup.check_rate`."""
         for setup in self.setups:
             setup.check_rate(measured_hz)
+        if self.servo and measured_hz and not suits(self.servo.rate_hz, measured_hz):
+            raise SettingError(
+                f"the controller is made for {self.servo.rate_hz:g} Hz and the samples come at "
+                f"{measured_hz:.0f} Hz: design it on a record of that rate"
+            )
 
     def loop(self) -> Loop:
         """Return the laws in a new loop."""
+        if self.servo:
+            return ServoLoop(self.rig, self.servo)
         return ArmLoop(self.laws) if is_thesis_arm(self.rig) else JointLaws(self.rig, self.laws)
 
 
@@ -173,12 +232,12 @@ def recorded_setup(parameters: Mapping[str, Any]) -> RigSetup:
 class ArmLoop:
     """Law of the thesis's arm in its loop."""
 
-    def __init__(self, laws: Sequence[LawWithMemory]) -> None:
+    def __init__(self, laws: Sequence[Any]) -> None:
         self._handover = Handover(laws[0])
         self.reset, self.memory = self._handover.reset, self._handover.memory
         self.remember = self._handover.remember
 
-    def replace(self, laws: Sequence[LawWithMemory]) -> None:
+    def replace(self, laws: Sequence[Any]) -> None:
         """Take another law; see `Loop.replace`."""
         self._handover.replace(laws[0])
 

@@ -10,7 +10,7 @@ import numpy as np
 from flexarm_core.compilation import compiled
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -213,6 +213,17 @@ class Servo:
         changed = np.asarray(applied, dtype=np.float64) - self._u
         self._memory.state[0] += self.law.B @ changed
         self._u[:] = applied
+
+    def memory(self) -> dict[str, list[float]]:
+        """Return what the next steps follow from, by the names of its groups."""
+        groups = {name: np.ravel(each).tolist() for name, each in self._memory._asdict().items()}
+        return {**groups, "commands": self._u.tolist()}
+
+    def remember(self, memory: Mapping[str, Sequence[float]]) -> None:
+        """Go on from a memory of the same controller; `memory` may have further groups."""
+        for name, each in self._memory._asdict().items():
+            each[...] = np.reshape(memory[name], each.shape)
+        self._u[:] = memory["commands"]
 
 
 def new_memory(law: Law, windows: NDArray[np.int64]) -> Memory:

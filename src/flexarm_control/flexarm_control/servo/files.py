@@ -97,9 +97,18 @@ def load_controller(path: Path | str) -> Servo:
 def load_gains(path: Path | str) -> ServoGains:
     """Read the gains of a controller; see `load_controller`."""
     try:
-        found = parameters_in_text(read_text_bytes(Path(path)))
+        content = read_text_bytes(Path(path))
     except OSError as error:
         raise SettingError(f"{path}: {reason(error)}: name a controller.yaml") from error
+    except BoundError as error:
+        raise SettingError(f"{path}: {error}") from error
+    return gains_in(content, path)
+
+
+def gains_in(content: bytes, path: Path | str) -> ServoGains:
+    """Return the gains in the content of a controller's file; `path` stands in the errors."""
+    try:
+        found = parameters_in_text(content)
     except (BoundError, ModelFileError) as error:
         raise SettingError(f"{path}: {error}") from error
     if not any(key.startswith(_ROOT) for key in found):

@@ -40,6 +40,7 @@ from flexarm_bringup.verbs.laboratory.viewers import (
     foxglove_parameters,
 )
 from flexarm_control.laws.registry import LAWS
+from flexarm_control.rig_setup import CONTROLLER, SERVO
 from flexarm_control.sample_rate import suits
 from flexarm_core.channels import is_thesis_arm
 from flexarm_core.outputs import require_folder
@@ -70,6 +71,7 @@ class _Settings:
     rate_hz: float
     law: str
     reference: str
+    controller: Path | None
     rig: str
     bag: Path | None
     pace: Pace
@@ -116,6 +118,11 @@ _RECORDED_IO = [*_OF_ANY, "io", "io_channels", "io_command", "io_reference"]
 )
 @click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
 @click.option(
+    "--controller",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Law servo with this controller.yaml, which `flexarm design` wrote.",
+)
+@click.option(
     "--law",
     help=f"Law: {', '.join(LAWS)}; pdpc for the thesis's arm, pd for another rig.",
 )
@@ -134,6 +141,7 @@ _RECORDED_IO = [*_OF_ANY, "io", "io_channels", "io_command", "io_reference"]
     "up --compose --rate 1000 --real-time",
     "up --rig my_arm.yaml",
     "up --twin out/identify/model.yaml",
+    "up --rig my_arm.yaml --controller out/design/controller.yaml",
 )
 def up(
     *,
@@ -170,10 +178,16 @@ def up(
         pace=chosen_pace(real_time=real_time),
         rig=str(Path(rig).absolute()) if Path(rig).is_file() else rig,
         rate_hz=rate_hz,
-        law=law or ("pdpc" if is_thesis else "pd"),
+        law=law or _usual_law(settings["controller"], is_thesis=is_thesis),
         **settings,
     )
     _run_graph(chosen, is_thesis=is_thesis)
+
+
+def _usual_law(controller: Path | None, *, is_thesis: bool) -> str:
+    if controller is not None:
+        return SERVO
+    return "pdpc" if is_thesis else "pd"
 
 
 def _twin_rig(model: Path) -> Path:
@@ -257,6 +271,8 @@ def _tell_record(bag: Path, log: Path, *, is_cut: bool) -> None:
 def _controller(settings: _Settings) -> dict[str, Any]:
     """Return parameters of the controller: laws for one rate are made for that of the samples."""
     parameters: dict[str, Any] = {"law": settings.law, "reference": settings.reference}
+    if settings.controller is not None:
+        parameters[CONTROLLER] = str(settings.controller.absolute())
     if settings.parameter_files or settings.law not in LAWS:
         return parameters
     law = LAWS[settings.law]
