@@ -22,6 +22,8 @@ from flexarm_ident.models.files import save_model
 from support.servo_plants import two_joints
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from flexarm_control.rig_setup import Loop
     from flexarm_core.arrays import FloatArray
     from flexarm_core.rig_description import RigDescription
@@ -43,7 +45,7 @@ def parameters(**changes: Any) -> dict[str, Any]:  # noqa: ANN401 - values of an
 
 
 def run(
-    rig: RigDescription, loop: Loop, references: list[tuple[float, ...]], cut: float = np.inf
+    rig: RigDescription, loop: Loop, references: Sequence[tuple[float, ...]], cut: float = np.inf
 ) -> tuple[FloatArray, FloatArray, list[Sample]]:
     """Run a loop on the twin, with commands cut to a size; return outputs, efforts and samples."""
     plant = TwinRig(**rig.settings, rig=rig, folder=Path())
@@ -51,7 +53,8 @@ def run(
     plant.open()
     loop.reset()
     samples, efforts = [], []
-    in_force, compensations = (0.0, 0.0), (0.0, 0.0)
+    in_force: tuple[float, ...] = (0.0, 0.0)
+    compensations: tuple[float, ...] = (0.0, 0.0)
     for k, wanted in enumerate(references):
         outputs = plant.read().outputs
         samples.append(Sample(k, k + 1, tuple(outputs.tolist()), in_force, compensations, k))

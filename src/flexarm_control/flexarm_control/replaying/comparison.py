@@ -12,13 +12,16 @@ from flexarm_control.laws.switching import ASKED, Handover
 from flexarm_control.loop_setup import Setup
 from flexarm_control.models.chosen_model import PREFIX
 from flexarm_control.replaying.record import NOT_RECORDED
+from flexarm_control.rig_setup import REFERENCES, RIG, recorded_setup
 from flexarm_core.errors import SettingError
+from flexarm_core.signals import Sample
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from flexarm_control.laws.law_protocol import Effort, Memory
+    from flexarm_control.laws.law_protocol import Memory
     from flexarm_control.replaying.record import LawRecord, LoopRecord
+    from flexarm_control.rig_setup import RigSetup
     from flexarm_core.arrays import BoolArray, FloatArray
 
 
@@ -160,12 +163,44 @@ class _Law:
             )
         self._handover.remember(told.memory)
 
-    def answer(self, volts: Sequence[float], stamp_ns: int, drive: DriveCommand) -> Effort:
+    def answer(
+        self, volts: Sequence[float], stamp_ns: int, in_force: Sequence[float]
+    ) -> Sequence[float]:
         """Return the answer to a sample, taken while a command was in force."""
-        reference_v = self._reference_v
+        reference_v, drive = self._reference_v, DriveCommand(*in_force)
         if self.setup.profile is not None:
             reference_v = self.setup.profile((stamp_ns - self._run_start_ns) * 1e-9)
         return self._handover.step(volts, reference_v, drive if self._hears else None)
+
+
+class _RigLaw:
+    """Laws and references of any other rig from one place of the record on."""
+
+    def __init__(self, told: LawRecord, setup: RigSetup) -> None:
+        self.setup = setup
+        self._run_start_ns = told.stamp_ns - told.run_time_ns
+        self._loop = setup.loop()
+        known = {**self._loop.memory(), REFERENCES: setup.tracks}
+        if _sizes(told.memory) != {name: len(group) for name, group in known.items()}:
+            raise SettingError(f"the recorded memory of law {setup.law} is that of another version")
+        self._references = tuple(told.memory[REFERENCES])
+        self._loop.remember(told.memory)
+
+    def answer(
+        self, outputs: Sequence[float], stamp_ns: int, in_force: Sequence[float]
+    ) -> Sequence[float]:
+        """Return the answers to a sample, taken while commands were in force."""
+        inputs = len(in_force) // 2
+        sample = Sample(
+            *(stamp_ns, 0, tuple(outputs)),
+            *(tuple(in_force[:inputs]), tuple(in_force[inputs:])),
+            command_sequence=0,
+        )
+        references = self._references
+        if self.setup.has_profile:
+            references = self.setup.profile((stamp_ns - self._run_start_ns) * 1e-9)
+        efforts, compensations = self._loop.step(sample, references)
+        return (*efforts, *compensations)
 
 
 def _answers(record: LoopRecord) -> tuple[FloatArray, list[tuple[int, str]]]:
@@ -176,7 +211,7 @@ def _answers(record: LoopRecord) -> tuple[FloatArray, list[tuple[int, str]]]:
     answers: FloatArray = np.full_like(record.answers, np.nan)
     changes: list[tuple[int, str]] = []
     told_at = {(law.stamp_ns, law.command_sequence): law for law in record.laws}
-    law: _Law | None = None
+    law: _Law | _RigLaw | None = None
     before: LawRecord | None = None
     last = NOT_RECORDED
     numbers, answered = record.command_sequence.tolist(), record.answered.tolist()
@@ -193,12 +228,21 @@ def _answers(record: LoopRecord) -> tuple[FloatArray, list[tuple[int, str]]]:
             same = before is not None and told.parameters == before.parameters
             if before is not None:
                 changes += [(row, text) for text in _changes(before, told)]
-            law = _Law(told, law.setup if law and same else Setup.of(told.parameters))
+            law = _law_of(told, law if same else None)
             before = told
         if law is not None:
-            drive = DriveCommand(*record.drive[sample].tolist())
-            answers[row] = law.answer(record.volts[sample].tolist(), stamp_ns, drive)
+            in_force = record.drive[sample].tolist()
+            answers[row] = law.answer(record.volts[sample].tolist(), stamp_ns, in_force)
     return answers, changes
+
+
+def _law_of(told: LawRecord, same: _Law | _RigLaw | None) -> _Law | _RigLaw:
+    """Return the law that was told; the setup of one with the same parameters is built already."""
+    if RIG not in told.parameters:
+        setup = same.setup if isinstance(same, _Law) else Setup.of(told.parameters)
+        return _Law(told, setup)
+    rig_setup = same.setup if isinstance(same, _RigLaw) else recorded_setup(told.parameters)
+    return _RigLaw(told, rig_setup)
 
 
 def _changes(before: LawRecord, after: LawRecord) -> Iterator[str]:

@@ -6,11 +6,19 @@ from bisect import bisect_right
 from collections import defaultdict
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexarm_bags.reader import ARM_STATE, LAW_IN_FORCE, MOTOR_COMMAND, opened, sibling
+from flexarm_bags.reader import (
+    ARM_STATE,
+    IO_COMMAND,
+    IO_SAMPLE,
+    LAW_IN_FORCE,
+    MOTOR_COMMAND,
+    opened,
+    sibling,
+)
 from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.loop_setup import parameters_in
 from flexarm_control.models.arm_model import OUTPUTS
@@ -27,6 +35,31 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
     Integers = NDArray[np.int64]
+
+
+class _Kind(NamedTuple):
+    """Members of the messages of a rig's loop."""
+
+    outputs: tuple[str, ...]
+    drive: tuple[str, ...]
+    command: str
+    command_type: str
+    answered: str
+    answer: tuple[str, ...]
+
+
+_KINDS = {
+    ARM_STATE: _Kind(
+        OUTPUTS,
+        DriveCommand._fields,
+        *("command", MOTOR_COMMAND, "state_sequence", ("effort_v", "compensation_v")),
+    ),
+    IO_SAMPLE: _Kind(
+        ("outputs",),
+        ("inputs", "compensations"),
+        *("io_command", IO_COMMAND, "sample_sequence", ("efforts", "compensations")),
+    ),
+}
 
 NOT_RECORDED = -1
 """Row of a sample that is not in the record."""
@@ -67,16 +100,16 @@ class LoopRecord:
     ----------
     sequence, stamps_ns : ndarray of int, (samples,)
         Numbers and instants of the samples.
-    volts : ndarray, (samples, 4)
-        Position, base strain, middle strain and speed, V.
-    drive : ndarray, (samples, 2)
-        Command in force while each sample was taken, and the compensation in it, V.
+    volts : ndarray, (samples, outputs)
+        Outputs: of the thesis's arm position, base strain, middle strain and speed, V.
+    drive : ndarray, (samples, 2 inputs)
+        Commands in force while each sample was taken, and the compensations in them.
     command_sequence : ndarray of int, (commands,)
         Numbers of the answers.
     answered : ndarray of int, (commands,)
         Row of the sample that each command answers, or `NOT_RECORDED`.
-    answers : ndarray, (commands, 2)
-        Feedback effort u_e and compensation u_c, V.
+    answers : ndarray, (commands, 2 inputs)
+        Feedback efforts u_e and compensations u_c.
     laws : tuple of LawRecord
         Laws as they were told.
     """
@@ -108,10 +141,13 @@ def read_loop(path: Path, topic: str | None = None) -> LoopRecord:
     """
     with opened(path) as bag:
         topic = bag.choose(topic)
-        if topic is None or not bag.has(topic, ARM_STATE):
-            raise BagError("holds no samples of flexarm's rig (ArmState): nothing to replay")
-        command, law = sibling(topic, "command"), sibling(topic, "law")
-        if not bag.has(command, MOTOR_COMMAND):
+        kind = None if topic is None else _KINDS.get(bag.types[topic])
+        if topic is None or kind is None:
+            raise BagError(
+                "holds no samples of flexarm's rig (ArmState, IoSample): nothing to replay"
+            )
+        command, law = sibling(topic, kind.command), sibling(topic, "law")
+        if not bag.has(command, kind.command_type):
             raise BagError(f"holds no commands ({command}): record them with the samples")
         if not bag.has(law, LAW_IN_FORCE):
             raise BagError(_without_law(bag, topic, law))
@@ -124,14 +160,14 @@ def read_loop(path: Path, topic: str | None = None) -> LoopRecord:
         return LoopRecord(
             sequence,
             states.stamps_ns(),
-            np.column_stack([states.real(name) for name in OUTPUTS]),
-            np.column_stack([states.real(name) for name in DriveCommand._fields]),
+            np.column_stack([states.real(name) for name in kind.outputs]),
+            np.column_stack([states.real(name) for name in kind.drive]),
             commands.integer("sequence"),
             answered_rows(
                 (sequence, states.log_times_ns),
-                (commands.integer("state_sequence"), commands.log_times_ns),
+                (commands.integer(kind.answered), commands.log_times_ns),
             ),
-            np.column_stack([commands.real(name) for name in ("effort_v", "compensation_v")]),
+            np.column_stack([commands.real(name) for name in kind.answer]),
             laws,
         )
 

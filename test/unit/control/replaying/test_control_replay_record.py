@@ -82,7 +82,7 @@ ONE = [arm_state(1, START_NS), motor_command(1, START_NS + 1000, 0.0)]
 @pytest.mark.parametrize(
     ("messages", "complaint"),
     [
-        ([io_sample(1, START_NS, [0.0], [0.0])], "holds no samples of flexarm's rig"),
+        ([io_sample(1, START_NS, [0.0], [0.0])], "holds no commands"),
         (ONE[:1], r"holds no commands \(/flexarm/command\)"),
         (ONE, r"holds no law \(/flexarm/law\): it was recorded by an older version"),
         (
