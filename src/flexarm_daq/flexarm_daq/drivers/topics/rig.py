@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Protocol
 
-    from flexarm_core.arrays import FloatArray
     from flexarm_daq.drivers.topics.inbox import TopicsSettings
     from flexarm_daq.rigs.rig_protocol import RigSample
 
@@ -81,10 +80,10 @@ class TopicsRig:
             self.safe_stop()
             raise
 
-    def write(self, commands: FloatArray | Sequence[float] | float) -> None:
+    def write(self, commands: Sequence[float]) -> None:
         """Publish a command; see `Rig.write`."""
         robot = self._opened()
-        values = np.atleast_1d(np.asarray(commands, dtype=float))
+        values = np.asarray(commands, dtype=float)
         if values.shape != (self._inputs,) or not np.isfinite(values).all():
             self.safe_stop()
             raise RigError(f"commands must be {self._inputs} finite numbers, got {commands}")

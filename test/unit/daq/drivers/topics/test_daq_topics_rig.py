@@ -166,7 +166,7 @@ def test_rig___opened_and_closed___commands_zero_first_and_last(robot: Robot) ->
     assert robot.heard == [[0.0, 0.0]]
     states(rig._inbox, 2.0)
     assert rig.read()[1].shape == (4,)
-    rig.write(np.array([0.5, -0.5]))
+    rig.write([0.5, -0.5])
     rig.close()
     np.testing.assert_allclose(robot.heard, [[0.0, 0.0], [0.5, -0.5], [0.0, 0.0]])
     assert robot.is_left
