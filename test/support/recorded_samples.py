@@ -26,6 +26,17 @@ def declarations(bag: Path) -> list[tuple[str, str, bool]]:
     return [(message.node, message.law, message.uses_outputs) for message in messages]
 
 
+def answered_samples(bag: Path) -> list[int]:
+    """Return the number of the sample that each recorded command answers."""
+    with AnyReader([bag]) as reader:
+        connections = [each for each in reader.connections if each.topic == "/flexarm/command"]
+        messages: list[Any] = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages(connections)
+        ]
+    return [int(message.state_sequence) for message in messages]
+
+
 class States:
     """Samples of a bag, as recorded."""
 

@@ -1,4 +1,4 @@
-"""Virtual time waits for the recorder: a record is whole however long that one is stopped."""
+"""Virtual time waits for the recorder: samples and commands are whole, however it is stopped."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from support.recorded_samples import States
+from support.recorded_samples import States, answered_samples
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,7 +24,7 @@ SAMPLES = 24_000
 """Twice as many as a reader that is stopped can leave to its writer."""
 
 
-def test_record___recorder_stopped_for_seconds___has_every_sample(
+def test_record___recorder_stopped_for_seconds___has_every_sample_and_command(
     graph: Graph, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
@@ -49,7 +49,12 @@ def test_record___recorder_stopped_for_seconds___has_every_sample(
     finally:
         ended.set()
         interruptions.join()
+    # As the verbs do: it waits until its readers have every command.
+    assert graph.transition("controller", "deactivate")
     graph.operator.record(None)
 
     run = States(bag)
     np.testing.assert_array_equal(run.sequence, np.arange(1, SAMPLES + 1))
+    # The last sample ends the run, and nobody waits for its answer.
+    answered = [sample for sample in answered_samples(bag) if sample < SAMPLES]
+    np.testing.assert_array_equal(answered, np.arange(1, SAMPLES))
