@@ -18,7 +18,8 @@ from websockets.sync.client import connect
 
 from flexarm_bringup.graph.live_hand import live_hand
 from flexarm_bringup.graph.processes import NAMESPACE
-from flexarm_live.graph.samples import COLUMNS
+from flexarm_core.rig_description import load_rig
+from flexarm_live.graph.about import columns_of
 from flexarm_live.serving.encoding import HEAD
 
 ROOT = Path(__file__).parents[2]
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 
 FLEXARM = str(ROOT / "flexarm")
 _PATIENCE_S = 60.0
-_COMMAND, _POSITION = (COLUMNS.index(name) for name in ("command_v", "position_v"))
+_COLUMNS = columns_of(load_rig("thesis"))
+_COMMAND, _POSITION = (_COLUMNS.index(name) for name in ("command_v", "position_v"))
 _TRANSITION_S = 60.0
 
 
@@ -116,7 +118,7 @@ class Follower:
         """Return stamps, positions in V and commands in V of the samples after an instant."""
         kept = [frame for frame in self._frames if frame[0][-1] > since_s]
         stamps_s = np.concatenate([np.empty(0), *(each for each, _ in kept)])
-        rows = np.vstack([np.empty((0, len(COLUMNS))), *(each for _, each in kept)])
+        rows = np.vstack([np.empty((0, len(_COLUMNS))), *(each for _, each in kept)])
         after = stamps_s > since_s
         return stamps_s[after], rows[after, _POSITION], rows[after, _COMMAND]
 

@@ -34,7 +34,10 @@ CONNECTING = {
             "transport",
         )
     ),
-    *(f"flexarm_live.graph.{name}" for name in ("bridge", "loop_nodes", "node_parameters")),
+    *(
+        f"flexarm_live.graph.{name}"
+        for name in ("bridge", "loop_nodes", "node_parameters", "samples")
+    ),
     "flexarm_daq.nodes.recorded_topics",
     "flexarm_daq.nodes.rig_choice",
     "flexarm_daq.nodes.topic_link",

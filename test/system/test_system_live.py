@@ -12,7 +12,8 @@ import pytest
 from rosbags.highlevel import AnyReader
 from websockets.sync.client import connect
 
-from flexarm_live.graph.samples import COLUMNS
+from flexarm_core.rig_description import load_rig
+from flexarm_live.graph.about import columns_of
 from flexarm_live.serving.encoding import HEAD
 from flexarm_live.terminal_socket import connect as connect_terminal
 from support.live_server import ask
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
-COLUMN = {name: number for number, name in enumerate(COLUMNS, start=1)}
+COLUMN = {name: number for number, name in enumerate(columns_of(load_rig("thesis")), start=1)}
 
 
 def frame_after(page: ClientConnection, wanted: Any) -> FloatArray:  # noqa: ANN401 - any condition

@@ -14,17 +14,22 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from flexarm_bags.schema import describe, own_types, share_of
+from flexarm_core.errors import SettingError
 from flexarm_core.own_files import user_path
+from flexarm_core.rig_description import load_rig
 from flexarm_core.tables import read_table
 from flexarm_daq.nodes.recorded_topics import IN_FORCE, TOPICS, recorded_topics
 from flexarm_live.serving.arm_frames import FRAMES_TYPE, TEXT_TYPE, ArmFrames
 from flexarm_live.serving.foxglove_server import ADDRESS, FoxgloveServer
+from flexarm_live.serving.urdf import urdf_of
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import give_way, run
 from flexarm_node.topics.waiting import RawTopicsWaiter
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rclpy.qos import QoSProfile
 
 PARAMETERS = read_table("flexarm_live", "foxglove")
@@ -46,9 +51,9 @@ class FoxgloveNode(Node):
         served = {topic.name: topic.definition for topic in recorded_topics(names, self._topics)}
         in_force = {self.resolve_topic_name(name) for name in IN_FORCE}
         self._frames: ArmFrames | None = None
-        if values["urdf"]:
+        if values["urdf"] or values["rig"]:
             prefix = f"{self.get_namespace()}/".lstrip("/")
-            self._frames = ArmFrames(user_path(values["urdf"]), prefix)
+            self._frames = ArmFrames(_urdf(values), prefix)
             types = own_types()
             served[description] = describe(types, TEXT_TYPE, share_of)
             served[_FRAMES] = describe(types, FRAMES_TYPE, share_of)
@@ -80,6 +85,17 @@ class FoxgloveNode(Node):
                 if self._frames is not None and topic == self._joint_states:
                     transforms = self._frames.transforms(message.raw)
                     self._server.send(_FRAMES, transforms, message.source_ns)
+
+
+def _urdf(values: Mapping[str, str]) -> str:
+    """Return the URDF of the parameters: that of a file, or made of the rig's description."""
+    if not values["urdf"]:
+        return urdf_of(load_rig(values["rig"]))
+    file = user_path(values["urdf"])
+    try:
+        return file.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingError(f"urdf = {file}: {error}") from None
 
 
 def _reader_qos(name: str) -> QoSProfile:

@@ -1,6 +1,6 @@
 """Live node: serves the page in the browser, and answers the terminal.
 
-It reads every sample of `state` and joins the graph as any other node does; the loop waits for
+It reads every sample of the rig and joins the graph as any other node does; the loop waits for
 nothing here. Samples are taken from the middleware a few at a time and handed on as they are. The
 process gives way to every other one.
 """
@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
-from std_msgs.msg import Float64
 
 from flexarm_core.errors import SettingError
 from flexarm_core.own_files import user_path
+from flexarm_core.rig_description import load_rig
 from flexarm_core.tables import read_table
 from flexarm_live.graph.bridge import Bridge
 from flexarm_live.graph.calls import CallError
@@ -32,7 +32,6 @@ from flexarm_live.serving.encoding import frame_of
 from flexarm_live.serving.server import Server
 from flexarm_live.serving.web import Web
 from flexarm_live.terminal_socket import listen, socket_file
-from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run, yield_to_others
@@ -56,19 +55,24 @@ class LiveNode(Node):
     def __init__(self) -> None:
         super().__init__("live", namespace="/flexarm")
         values = Parameters(self, PARAMETERS).values()
-        self._bridge = Bridge(self, user_path(values["folder"]).absolute())
+        self._namespace = self.get_namespace()
+        frame = f"{self._namespace}/base_link".lstrip("/")
+        rig = load_rig(values["rig"])
+        self._bridge = Bridge(self, user_path(values["folder"]).absolute(), rig, frame)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_report, qos.EVERY)
         self.create_subscription(
             ParameterEvent, "/parameter_events", self._on_parameters, qos.EVERY
         )
-        self._namespace = self.get_namespace()
         self._looking: set[asyncio.Task[None]] = set()
         self._server = self._make_server(values)
         self._bridge.outlet = self._server
         # The set-point in force, and those of writers that tell nobody what they said before.
-        references = [(Float64, "reference", each) for each in (qos.STATUS, qos.EVERY)]
-        topics = [(ArmState, "state", qos.SEEN), *references]
-        self._waiter = RawTopicsWaiter(self, topics)
+        codec = self._bridge.samples.codec
+        references = [
+            (codec.reference_type, codec.reference_topic, each) for each in (qos.STATUS, qos.EVERY)
+        ]
+        samples = (codec.samples.message_type, codec.sample_topic, qos.SEEN)
+        self._waiter = RawTopicsWaiter(self, [samples, *references])
         self._stopping = threading.Event()
         self._threads = [
             threading.Thread(target=self._server.run, name="server"),

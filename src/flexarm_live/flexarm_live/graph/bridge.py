@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from std_srvs.srv import SetBool, Trigger
 
 from flexarm_control.loop_setup import TOPIC
+from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 from flexarm_core.patience import slowness
@@ -27,7 +28,6 @@ from flexarm_live.graph.situation import EXPERIMENT, Situation
 from flexarm_live.graph.store import Store
 from flexarm_live.serving.laboratory import Answer
 from flexarm_live.serving.requests import Needs
-from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import SetReference
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
+    from flexarm_core.rig_description import RigDescription
     from flexarm_live.serving.laboratory import Outlet
     from flexarm_live.serving.requests import Request
 
@@ -55,6 +56,8 @@ _NODES_OF: Mapping[str, tuple[str, ...]] = {
 # A drive is taken to zero, and a run begun anew, however long that takes.
 _WAITED_FOR = frozenset({"stop", "release", "deactivate", "fault"})
 _RECORD_S = 30.0
+_TWIN = "twin"
+"""Driver whose runs begin at rest, as those of the simulated arm."""
 
 
 class Bridge:
@@ -66,6 +69,10 @@ class Bridge:
         Node for the clients; an executor spins it in another thread.
     folder : Path
         Folder of the records and models.
+    rig : RigDescription
+        The arm.
+    frame : str
+        Frame of its samples.
 
     Attributes
     ----------
@@ -81,11 +88,12 @@ class Bridge:
 
     outlet: Outlet
 
-    def __init__(self, node: Node, folder: Path) -> None:
+    def __init__(self, node: Node, folder: Path, rig: RigDescription, frame: str) -> None:
         self._calls = Calls(node)
-        self.samples = SampleReader(ArmState)
+        self._rig = rig
+        self.samples = SampleReader(rig, frame)
         self.situation = Situation()
-        self.loop = LoopNodes(node, self._calls, self.situation)
+        self.loop = LoopNodes(node, self._calls, self.situation, self.samples.codec)
         self._others = {
             name: NodeParameters(self._calls, name) for name in _NODES if name not in LOOP_NODES
         }
@@ -112,7 +120,7 @@ class Bridge:
             "rate_hz": self.loop.parameters["daq"].values.get("rate_hz"),
             "simulated": simulated,
             "nodes": nodes,
-            **about_arm(simulated=simulated),
+            **about_arm(self._rig, simulated=simulated),
         }
 
     def reports(self) -> dict[str, dict[str, Any]]:
@@ -130,7 +138,8 @@ class Bridge:
             **found,
             "has_experiment": has_experiment,
             "law": controller.get("law"),
-            "reference_v": self.samples.reference_v,
+            "reference_v": next(iter(self.samples.references), math.nan),
+            "references": self.samples.references,
             "payload_kg": daq.get("payload_kg") if self.loop.simulated else None,
             "fault": daq.get("fault"),
             "recording": self._recording or self.situation.recording(),
@@ -192,14 +201,18 @@ class Bridge:
         return Answer(answer.message)
 
     async def _on_release(self) -> Answer:
-        """Begin a new run with the set-point where the arm is: it shall not jump."""
+        """Begin a new run with the set-points where the arm is: it shall not jump."""
         await self._end_waveform()
-        # A run of the simulated arm begins at rest in the middle.
-        here_v = 0.0 if self.loop.simulated else self.samples.position_v
+        measured = dict(zip(self._rig.output_names, self.samples.outputs, strict=True))
+        # A run of a simulated arm begins at rest in the middle.
+        begins_at_rest = self.loop.simulated or self._rig.driver == _TWIN
+        here = {name: 0.0 if begins_at_rest else measured[name] for name in self._rig.tracked}
         await self.loop.deactivate("daq")
-        await self._on_reference(here_v)
+        for name, value in here.items():
+            await self._on_reference(value, name)
         await self.loop.restart_sampling()
-        return Answer(f"sampling again, the set-point is {here_v:.3g} V")
+        words = ", ".join(f"{value:.3g} {self._unit(name)}" for name, value in here.items())
+        return Answer("sampling again" + (f", the set-point is {words}" if words else ""))
 
     async def _on_activate(self, node: str = "") -> Answer:
         # The controller first: the DAQ node waits for it.
@@ -212,19 +225,26 @@ class Bridge:
             await self.loop.deactivate(name)
         return Answer(f"{node or ' and '.join(LOOP_NODES)} not active: the drive is at zero")
 
-    async def _on_reference(self, value_v: float) -> Answer:
-        request = SetReference.Request(reference_v=float(value_v))
+    async def _on_reference(self, value_v: float, joint: str = "") -> Answer:
+        request = SetReference.Request(reference_v=float(value_v), joint=joint)
         answer = await self._calls.call(SetReference, "set_reference", request, _REFERENCE_S)
         if not answer.success:
             raise FlexarmError(answer.message)
         beyond = await self._beyond_bound(answer.reference_v)
         note = ", ".join(filter(None, (answer.message, beyond)))
-        words = [f"set-point {answer.reference_v:.3f} V", note]
+        words = [f"set-point {answer.reference_v:.3f} {self._unit(joint)}", note]
         data = {"value_v": answer.reference_v, "note": note}
         return Answer(": ".join(filter(None, words)), data)
 
+    def _unit(self, joint: str) -> str:
+        """Return the unit of a joint or output by its name; of the first set-point for none."""
+        angles = {each.name: each.angle for each in self._rig.joints}
+        return self._rig.output(angles.get(joint, joint or self._rig.tracked[0])).unit
+
     async def _beyond_bound(self, reference_v: float) -> str:
         """Return that the drive is cut before the arm gets there; empty where it is not."""
+        if not is_thesis_arm(self._rig):
+            return ""
         parameters = self.loop.parameters["daq"]
         with suppress(FlexarmError):  # the set-point is in force all the same
             await parameters.load()
@@ -299,6 +319,7 @@ class Bridge:
         return Answer(data={"params": shown[node]} if node else {"nodes": shown})
 
     async def _on_experiment(self, name: str) -> Answer:
+        self._require_thesis("experiment")
         work = self._chain.experiment(name, self._on_record, lambda: self.samples.newest)
         number = self._jobs.start(EXPERIMENT, work, left="what was recorded is kept")
         return Answer(f"experiment {name} runs", {"job": number})
@@ -308,6 +329,7 @@ class Bridge:
         return Answer(f"identifying {asked['bag']}", {"job": number})
 
     async def _on_tune(self, law: str, models: list[str], **margins: float) -> Answer:
+        self._require_thesis("tune")
         number = self._jobs.start("tune", self._chain.tuning(law, models, margins))
         return Answer(f"tuning {law}", {"job": number})
 
@@ -333,6 +355,10 @@ class Bridge:
         if node not in every:
             raise FlexarmError(f"no node {node!r}{nearest(node, every)}")
         return every[node]
+
+    def _require_thesis(self, what: str) -> None:
+        if not is_thesis_arm(self._rig):
+            raise FlexarmError(f"{what}: {self._rig.name} is another arm than the thesis's")
 
     def _require_simulated(self, what: str) -> None:
         if not self.loop.simulated:

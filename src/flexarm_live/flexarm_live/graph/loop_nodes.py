@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     from flexarm_live.graph.calls import Calls
     from flexarm_live.graph.situation import Situation
+    from flexarm_node.topics.codecs import Codec
 
 LOOP_NODES = ("daq", "controller")
-_SENDS = {"daq": "state", "controller": "command", EXPERIMENT: "command"}
-"""The first message of each goes to this topic."""
+_SIMULATED = ("simulated", "thesis")
 _TRANSITION_S = 60.0
 """Activating waits for readers, and for a commander."""
 
@@ -39,6 +39,8 @@ class LoopNodes:
         Their services.
     situation : Situation
         Is told of transitions.
+    codec : Codec
+        Topics of the loop.
 
     Attributes
     ----------
@@ -48,22 +50,28 @@ class LoopNodes:
         Parameters of the node that takes the controller's place.
     """
 
-    def __init__(self, node: Node, calls: Calls, situation: Situation) -> None:
+    def __init__(self, node: Node, calls: Calls, situation: Situation, codec: Codec) -> None:
         self._node = node
         self._calls = calls
         self._situation = situation
         self.parameters = {name: NodeParameters(calls, name) for name in LOOP_NODES}
         self.experiment = NodeParameters(calls, EXPERIMENT)
         self._due: dict[str, Any] = {}
-        for name in _SENDS:
+        # The first message of each node goes to this topic.
+        self._sends = {
+            "daq": codec.sample_topic,
+            "controller": codec.command_topic,
+            EXPERIMENT: codec.command_topic,
+        }
+        for name in self._sends:
             # Discovered before they are needed.
             calls.client(ChangeState, f"{name}/change_state")
             calls.client(GetState, f"{name}/get_state")
 
     @property
     def simulated(self) -> bool:
-        """Whether the arm is the simulated one."""
-        return bool(self.parameters["daq"].values.get("rig") == "simulated")
+        """Whether the arm is the thesis's, simulated."""
+        return self.parameters["daq"].values.get("rig") in _SIMULATED
 
     def postpone(self, changes: Mapping[str, Any]) -> None:
         """Keep parameters of the DAQ node for its next run."""
@@ -94,7 +102,7 @@ class LoopNodes:
             return
         if state == State.PRIMARY_STATE_UNCONFIGURED:
             await self._change(name, Transition.TRANSITION_CONFIGURE)
-        wanted: dict[str, Any] = {"listeners": self._node.count_subscribers(_SENDS[name])}
+        wanted: dict[str, Any] = {"listeners": self._node.count_subscribers(self._sends[name])}
         if name == "daq":
             wanted = {**self._due, **wanted, "await_commander": True}
             self._due.clear()

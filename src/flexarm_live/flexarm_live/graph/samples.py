@@ -1,43 +1,30 @@
-"""Samples as rows of numbers, from the bytes of `state` and of `reference`."""
+"""Samples as rows of numbers, from the bytes of the topics of samples and of set-points."""
 
 from __future__ import annotations
 
 import math
-import struct
 from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexarm_node.topics.layout import end_of
+from flexarm_live.graph.about import SEQUENCE_SPAN, columns_of
+from flexarm_node.topics.codecs import codec_of
+from flexarm_node.topics.waiting import message_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_core.rig_description import RigDescription
+    from flexarm_core.signals import Sample
     from flexarm_node.topics.waiting import RawMessage
 
-STATE, REFERENCE, STREAMED_REFERENCE = range(3)
-"""Topics that are waited on; the last one is that of the second reader of set-points."""
-"""Topics of the messages, in the order in which they are waited for."""
-COLUMNS = (
-    "position_v",
-    "base_strain_v",
-    "middle_strain_v",
-    "speed_v",
-    "command_v",
-    "compensation_v",
-    "reference_v",
-    "sequence_low",
-)
-"""Columns of a frame behind the times."""
-SEQUENCE_SPAN = 2**20
-"""The number of a sample is sent less whole spans of this: float32 has 24 bits."""
-_MEASURED = COLUMNS[:6]
-_STAMP = struct.Struct("<4xiI")
-_DOUBLE = struct.Struct("<4xd")
-_LITTLE_ENDIAN = 1
+SAMPLES, REFERENCE, STREAMED_REFERENCE = range(3)
+"""Topics of the messages, in the order in which they are waited for; the last one is that of the
+second reader of set-points."""
 _KEPT_LOOKS = 128
+_NS_PER_S = 1e9
 
 
 class Samples(NamedTuple):
@@ -47,8 +34,8 @@ class Samples(NamedTuple):
     ----------
     times_s : ndarray, (samples,)
         Their stamps, s.
-    rows : ndarray, (samples, 8)
-        Their values, see `COLUMNS`.
+    rows : ndarray, (samples, columns)
+        Their values, see `columns_of`.
     """
 
     times_s: FloatArray
@@ -60,53 +47,56 @@ class SampleReader:
 
     Parameters
     ----------
-    state_type : type
-        Class of the messages with the samples, ArmState.
+    rig : RigDescription
+        Rig of the samples.
+    frame : str
+        Usual frame of the messages; those of another one take longer to read.
 
     Attributes
     ----------
-    reference_v : float
-        Set-point in force; NaN until it is known.
+    codec : Codec
+        Topics of the messages.
+    references : tuple of float
+        Set-points in force, in the order of the tracked outputs; NaN until they are known.
+    outputs : tuple of float
+        Readings of the newest sample, in the order and the units of the rig's description.
     newest : int
         Number of the newest sample; 0 before the first.
-    position_v : float
-        Position of the newest sample, V.
     """
 
-    def __init__(self, state_type: type) -> None:
-        # The text of its frame may have any length.
-        self._end = end_of(state_type)
+    def __init__(self, rig: RigDescription, frame: str) -> None:
+        self.codec = codec_of(rig, frame)
+        self._columns = columns_of(rig)
         self._taken = 0
         self._looks: deque[tuple[int, Samples]] = deque(maxlen=_KEPT_LOOKS)
-        self.reference_v = math.nan
+        self.references = (math.nan,) * len(rig.tracked)
+        self.outputs = (math.nan,) * len(rig.outputs)
         self.newest = 0
-        self.position_v = math.nan
 
     def read(self, messages: Sequence[RawMessage]) -> Samples | None:
         """Return the samples among messages; None when there is none."""
-        ends, times_s, references_v = [], [], []
+        times_s, rows = [], []
         for message in sorted(messages, key=lambda each: each.source_ns):
-            if message.raw[1] != _LITTLE_ENDIAN:
+            if message.topic != SAMPLES:
+                self._hear_references(message.raw)
                 continue
-            if message.topic != STATE:
-                self.reference_v = _DOUBLE.unpack_from(message.raw)[0]
+            sample = self._sample(message.raw)
+            if sample is None:
                 continue
-            second, nanosecond = _STAMP.unpack_from(message.raw)
-            times_s.append(second + 1e-9 * nanosecond)
-            ends.append(message.raw[-self._end.itemsize :])
-            references_v.append(self.reference_v)
-        if not ends:
+            self.newest, self.outputs = sample.sequence, sample.outputs
+            times_s.append(sample.taken_ns / _NS_PER_S)
+            rows.append(
+                (
+                    *sample.outputs,
+                    *sample.commands,
+                    *sample.compensations,
+                    *self.references,
+                    sample.sequence % SEQUENCE_SPAN,
+                )
+            )
+        if not rows:
             return None
-        found = np.frombuffer(b"".join(ends), self._end)
-        self.newest, self.position_v = int(found["sequence"][-1]), float(found["position_v"][-1])
-        rows = np.column_stack(
-            [
-                *(found[name] for name in _MEASURED),
-                references_v,
-                found["sequence"] % SEQUENCE_SPAN,
-            ]
-        )
-        samples = Samples(np.array(times_s), rows)
+        samples = Samples(np.array(times_s), np.array(rows, dtype=np.float64))
         self._taken += len(rows)
         self._looks.append((self._taken, samples))
         return samples
@@ -125,9 +115,25 @@ class SampleReader:
             if end > known
             for skipped in [max(0, known - (end - len(samples.rows)))]
         ]
-        rows = np.vstack([np.empty((0, len(COLUMNS))), *(each for _, each in parts)])
+        rows = np.vstack([np.empty((0, len(self._columns))), *(each for _, each in parts)])
         return {
             "taken": newest,
             "t_s": np.concatenate([np.empty(0), *(each for each, _ in parts)]),
-            "values": dict(zip(COLUMNS, rows.T, strict=True)),
+            "values": dict(zip(self._columns, rows.T, strict=True)),
         }
+
+    def _sample(self, raw: bytes) -> Sample | None:
+        """Return a sample; None for one of another rig, and for bytes of no message."""
+        packing = self.codec.samples
+        sample = packing.unpack(raw)
+        if sample is None and (message := message_of(raw, packing.message_type)) is not None:
+            sample = packing.numbers(message)
+        return sample
+
+    def _hear_references(self, raw: bytes) -> None:
+        message = message_of(raw, self.codec.reference_type)
+        if message is None:
+            return
+        references = self.codec.references(message)
+        if len(references) == len(self.references):
+            self.references = references

@@ -17,7 +17,6 @@ from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from rosbags.typesys.store import Msg
 
@@ -30,6 +29,7 @@ _Vector = tuple[float, float, float]
 @dataclass(frozen=True)
 class _Joint:
     name: str
+    slides: bool
     parent: str
     child: str
     origin_m: _Vector
@@ -41,26 +41,27 @@ class ArmFrames:
 
     Parameters
     ----------
-    file : Path
-        URDF file. Its joints are fixed or turn about an axis, and its frames are not turned.
+    urdf : str
+        URDF. Its joints are fixed, turn about an axis or slide along one, and its frames are not
+        turned.
     prefix : str
         Begin of the names of all frames.
 
     Raises
     ------
     SettingError
-        If the file cannot be read or is no such description.
+        If it is no such description.
     """
 
-    def __init__(self, file: Path, prefix: str) -> None:
+    def __init__(self, urdf: str, prefix: str) -> None:
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._prefix = prefix
+        self._urdf = urdf
         try:
-            self._urdf = file.read_text("utf-8")
-            robot = ET.fromstring(self._urdf)  # noqa: S314 - the user's own file
+            robot = ET.fromstring(urdf)  # noqa: S314 - the user's own file
             self._joints = [_joint(each) for each in robot.iter("joint")]
-        except (OSError, UnicodeDecodeError, ET.ParseError, ValueError) as error:
-            raise SettingError(f"urdf = {file}: no description of an arm: {error}") from None
+        except (ET.ParseError, ValueError) as error:
+            raise SettingError(f"urdf: no description of an arm: {error}") from None
 
     def description(self) -> bytes:
         """Return the description as a serialised `std_msgs/String`."""
@@ -70,15 +71,20 @@ class ArmFrames:
     def transforms(self, joint_state: bytes) -> bytes:
         """Return the serialised `tf2_msgs/TFMessage` of a serialised `sensor_msgs/JointState`."""
         state = self._types.deserialize_cdr(joint_state, _STATES_TYPE)
-        angles_rad = dict(zip(state.name, state.position, strict=False))  # type: ignore[attr-defined]
-        transforms = list(self._transforms(state.header.stamp, angles_rad))  # type: ignore[attr-defined]
+        positions = dict(zip(state.name, state.position, strict=False))  # type: ignore[attr-defined]
+        transforms = list(self._transforms(state.header.stamp, positions))  # type: ignore[attr-defined]
         message = self._types.types[FRAMES_TYPE](transforms=transforms)
         return bytes(self._types.serialize_cdr(message, FRAMES_TYPE))
 
-    def _transforms(self, stamp: Msg, angles_rad: dict[str, float]) -> Iterator[Msg]:
+    def _transforms(self, stamp: Msg, positions: dict[str, float]) -> Iterator[Msg]:
         types = self._types.types
         for joint in self._joints:
-            half_rad = 0.5 * angles_rad.get(joint.name, 0.0)
+            position = positions.get(joint.name, 0.0)
+            slid_m, half_rad = (position, 0.0) if joint.slides else (0.0, 0.5 * position)
+            place_m = [
+                origin_m + slid_m * along
+                for origin_m, along in zip(joint.origin_m, joint.axis, strict=True)
+            ]
             x, y, z = (math.sin(half_rad) * each for each in joint.axis)
             yield types["geometry_msgs/msg/TransformStamped"](
                 header=types["std_msgs/msg/Header"](
@@ -87,7 +93,7 @@ class ArmFrames:
                 child_frame_id=self._prefix + joint.child,
                 transform=types["geometry_msgs/msg/Transform"](
                     translation=types["geometry_msgs/msg/Vector3"](
-                        **dict(zip("xyz", joint.origin_m, strict=True))
+                        **dict(zip("xyz", place_m, strict=True))
                     ),
                     rotation=types["geometry_msgs/msg/Quaternion"](
                         x=x, y=y, z=z, w=math.cos(half_rad)
@@ -99,12 +105,15 @@ class ArmFrames:
 def _joint(element: ET.Element) -> _Joint:
     """Return a joint; a ValueError for a kind that the arm does not have."""
     name = element.get("name", "")
-    if element.get("type") not in {"fixed", "revolute"} or _vector(element, "origin", "rpy") != (
-        0.0, 0.0, 0.0,
-    ):  # fmt: skip
-        raise ValueError(f"joint {name} is neither fixed nor revolute, or its frame is turned")
+    kind = element.get("type")
+    is_turned = _vector(element, "origin", "rpy") != (0.0, 0.0, 0.0)
+    if kind not in {"fixed", "revolute", "prismatic"} or is_turned:
+        raise ValueError(
+            f"joint {name} is neither fixed nor revolute nor prismatic, or its frame is turned"
+        )
     return _Joint(
         name,
+        kind == "prismatic",
         _link(element, "parent"),
         _link(element, "child"),
         _vector(element, "origin", "xyz"),

@@ -10,7 +10,6 @@ from enum import IntEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from flexarm_core.channels import TRAVEL_V
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 
@@ -141,7 +140,6 @@ class Verb:
     fields: Mapping[str, Field] = field(default_factory=dict)
 
 
-_VOLTS = Field("number", least=-TRAVEL_V, most=TRAVEL_V)
 _LOOP_NODE = Field("text", required=False, choices=("daq", "controller"))
 _OPTIONAL_COUNT = Field("integer", required=False, least=0, most=400)
 _IDENTIFICATION = {
@@ -175,14 +173,17 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
         "release": Verb(Needs.HOLD),
         "activate": Verb(Needs.HOLD, {"node": _LOOP_NODE}),
         "deactivate": Verb(Needs.HOLD, {"node": _LOOP_NODE}),
-        "reference": Verb(Needs.HOLD, {"value_v": _VOLTS}),
+        # The controller knows the travel of the arm.
+        "reference": Verb(
+            Needs.HOLD, {"value_v": Field("number"), "joint": Field("text", required=False)}
+        ),
         "waveform": Verb(
             Needs.HOLD,
             {
                 "kind": Field("text", choices=("none", "sine", "square", "triangle")),
-                "amplitude_v": Field("number", required=False, least=-TRAVEL_V, most=TRAVEL_V),
+                "amplitude_v": Field("number", required=False),
                 "period_s": Field("number", required=False, least=0.1, most=3600.0),
-                "offset_v": Field("number", required=False, least=-TRAVEL_V, most=TRAVEL_V),
+                "offset_v": Field("number", required=False),
             },
         ),
         "set": Verb(

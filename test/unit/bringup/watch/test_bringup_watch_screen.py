@@ -9,6 +9,7 @@ import pytest
 
 from flexarm_bringup.watch.history import History
 from flexarm_bringup.watch.screen import Units, plain_line, screen
+from flexarm_core.rig_description import load_rig
 from flexarm_live.graph.about import about_arm
 
 STATE: dict[str, Any] = {
@@ -26,7 +27,7 @@ STATE: dict[str, Any] = {
 
 @pytest.fixture
 def units() -> Units:
-    return Units(about_arm(simulated=True)["channels"])
+    return Units(about_arm(load_rig("thesis"), simulated=True)["channels"])
 
 
 @pytest.fixture

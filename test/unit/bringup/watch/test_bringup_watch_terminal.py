@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from flexarm_core.rig_description import load_rig
 from flexarm_live.graph.about import about_arm
 from flexarm_live.serving.laboratory import Answer
 from support.live_server import PATIENCE_S, MemoryLaboratory, live_server, until
@@ -44,7 +45,7 @@ class WatchedLaboratory(MemoryLaboratory):
 
     async def hello(self) -> Mapping[str, Any]:
         """Return the channels."""
-        return about_arm(simulated=True)
+        return about_arm(load_rig("thesis"), simulated=True)
 
     def state(self) -> Mapping[str, Any]:
         """Return a state with a set-point."""

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from lifecycle_msgs.msg import State
 
+from flexarm_core.rig_description import load_rig
 from flexarm_live.graph.calls import CallError
 from flexarm_live.graph.loop_nodes import LoopNodes
 from flexarm_live.graph.situation import Situation
+from flexarm_node.topics.codecs import codec_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,7 +34,8 @@ class ActiveNodes:
 
 
 def activate(name: str, situation: Situation) -> None:
-    loop = LoopNodes(SimpleNamespace(), ActiveNodes(), situation)  # type: ignore[arg-type]
+    codec = codec_of(load_rig("thesis"), "")
+    loop = LoopNodes(SimpleNamespace(), ActiveNodes(), situation, codec)  # type: ignore[arg-type]
     asyncio.run(loop.activate(name))
 
 
