@@ -1,18 +1,15 @@
-// The arm as seen from above: hub, link bent as the gauges say, payload, set-point, stops.
+// The thesis's arm as seen from above: hub, link bent as the gauges say, payload, set-point, stops.
 
 import { angleAt, deflections, linkPoints } from "./bending.js";
+import { grasp, path, placeIn, sector, stops, ticks } from "./dial.js";
 import { byId, drawn, write } from "./dom.js";
 import { figure } from "./numbers.js";
 
 const RADIANS = Math.PI / 180;
-const TICK_DEG = 20;
 // Parts of the link's length.
 const RIM = 1.06;
 const HUB = 0.055;
 const HOLDER = 0.02;
-
-const path = (points) => `M${points.map(([x, y]) => `${x.toFixed(4)},${(-y).toFixed(4)}`).join("L")}`;
-const ray = (deg, radius) => [-Math.sin(deg * RADIANS) * radius, Math.cos(deg * RADIANS) * radius];
 
 /** Drawing of the arm; it is also a slider, whose value is the set-point. */
 export class ArmView {
@@ -20,10 +17,9 @@ export class ArmView {
   #shape;
   #stations;
 
-  constructor(hello, setpoint) {
-    this.arm = hello.arm;
-    this.setpoint = setpoint;
-    this.degPerV = hello.channels.find(({ name }) => name === "position_v").si_per_v;
+  constructor({ arm, rig: { joints } }, units, setpoint) {
+    const [{ angle, reference }] = joints;
+    Object.assign(this, { arm, units, setpoint, angle, reference, degPerV: units.siFactor(angle) });
     this.enlarged = Number(byId("enlarged").value);
     this.#stations = this.arm.mode_shapes.station;
     this.#build();
@@ -34,9 +30,11 @@ export class ArmView {
     this.#tellEnlarged();
   }
 
-  /** Draw one sample. */
-  draw({ timeS, positionV, baseV, middleV, referenceV, payloadKg }) {
-    const angleDeg = positionV * this.degPerV;
+  /** Draw the newest sample. */
+  draw(ring, payloadKg) {
+    const angleDeg = ring.newest(this.angle) * this.degPerV;
+    const referenceDeg = ring.newest(this.reference) * this.degPerV;
+    const [baseV, middleV] = this.arm.gauges.map((gauge) => ring.newest(gauge));
     this.#shape = deflections(this.arm, baseV, middleV);
     const points = linkPoints(this.#stations, this.#shape, angleDeg * RADIANS, this.enlarged);
     const { link, hub, line, ghost, payload, base, middle } = this.#parts;
@@ -44,20 +42,21 @@ export class ArmView {
     this.#parts.grip.setAttribute("d", path(points));
     hub.setAttribute("transform", `rotate(${-angleDeg})`);
     line.setAttribute("transform", `rotate(${-angleDeg})`);
-    ghost.toggleAttribute("hidden", Number.isNaN(referenceV));
-    if (!Number.isNaN(referenceV)) ghost.setAttribute("transform", `rotate(${-referenceV * this.degPerV})`);
+    ghost.toggleAttribute("hidden", Number.isNaN(referenceDeg));
+    if (!Number.isNaN(referenceDeg)) ghost.setAttribute("transform", `rotate(${-referenceDeg})`);
     const [tipX, tipY] = points.at(-1);
     payload.setAttribute("transform", `translate(${tipX},${-tipY})`);
     payload.setAttribute("r", HOLDER + 0.06 * Math.cbrt((payloadKg ?? 0) / 0.4));
     this.#place(base, points, this.arm.gauge_stations[0]);
     this.#place(middle, points, this.arm.gauge_stations[1]);
-    Object.assign(this.node.dataset, { timeS, angleDeg });
+    Object.assign(this.node.dataset, { timeS: ring.time(ring.end - 1), angleDeg });
   }
 
   /** Write the figures beside the arm, a few times a second: they are read, not watched. */
-  tellFigures({ positionV, referenceV }, units) {
-    write(byId("angle"), units.shown("position_v", positionV, 1));
-    write(byId("goal"), units.shown("reference_v", referenceV, 1));
+  tellFigures(ring) {
+    const referenceV = ring.newest(this.reference);
+    write(byId("angle"), this.units.shown(this.angle, ring.newest(this.angle), 1));
+    write(byId("goal"), this.units.shown(this.reference, referenceV, 1));
     const tipMm = 1000 * (this.#shape?.at(-1) ?? NaN) * this.arm.link_length_m;
     write(byId("tip"), `${figure(tipMm, 0)} mm`);
     this.node.setAttribute("aria-valuenow", (referenceV * this.degPerV).toFixed(1));
@@ -88,9 +87,9 @@ export class ArmView {
     this.#parts = parts;
     this.node = byId("arm");
     this.node.replaceChildren(
-      drawn("path", { class: "sector", d: `${sector(low, high)}` }),
-      ...ticks(low, high),
-      ...[low, high].map((deg) => drawn("path", { class: "stop", d: path([ray(deg, 0.12), ray(deg, RIM)]) })),
+      sector(low, high, RIM),
+      ...ticks(low, high, RIM),
+      ...stops(low, high, 0.12, RIM),
       ...Object.values(parts),
     );
     this.node.setAttribute("aria-valuemin", low);
@@ -102,36 +101,9 @@ export class ArmView {
 
   #grasp(press) {
     if (this.setpoint.disabled) return;
-    const follow = (event) => this.setpoint.set(this.#angleDeg(event) / this.degPerV);
-    const release = () => {
-      this.node.removeEventListener("pointermove", follow);
-      this.node.removeEventListener("pointerup", release);
-      this.node.removeEventListener("pointercancel", release);
-    };
-    this.node.setPointerCapture(press.pointerId);
-    this.node.addEventListener("pointermove", follow);
-    this.node.addEventListener("pointerup", release);
-    this.node.addEventListener("pointercancel", release);
+    grasp(this.node, press, (event) => {
+      const at = placeIn(this.node, event);
+      this.setpoint.set(angleAt(at.x, -at.y) / RADIANS / this.degPerV);
+    });
   }
-
-  #angleDeg({ clientX, clientY }) {
-    const at = new DOMPoint(clientX, clientY).matrixTransform(this.node.getScreenCTM().inverse());
-    return angleAt(at.x, -at.y) / RADIANS;
-  }
-}
-
-function sector(low, high) {
-  const [[lowX, lowY], [highX, highY]] = [ray(low, RIM), ray(high, RIM)];
-  const large = high - low > 180 ? 1 : 0;
-  return `M0,0L${lowX},${-lowY}A${RIM},${RIM} 0 ${large} 0 ${highX},${-highY}Z`;
-}
-
-function ticks(low, high) {
-  const first = Math.ceil(low / TICK_DEG) * TICK_DEG;
-  const count = Math.floor((high - first) / TICK_DEG) + 1;
-  return Array.from({ length: count }, (_, k) => first + k * TICK_DEG).flatMap((deg) => {
-    const [x, y] = ray(deg, RIM + 0.075);
-    const text = drawn("text", { class: "tick", x, y: 0.018 - y }, `${figure(deg, 0)}°`);
-    return [drawn("path", { class: "tick", d: path([ray(deg, RIM - 0.03), ray(deg, RIM)]) }), text];
-  });
 }

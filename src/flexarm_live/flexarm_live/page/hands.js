@@ -1,37 +1,81 @@
 // Hands on the arm: the stop and its way back, set-point, waveforms, law.
 
-import { attempt, byId, fillMenu, tell, write } from "./dom.js";
-import { VoltageField } from "./units.js";
+import { attempt, byId, element, fillMenu, tell, write } from "./dom.js";
+import { SignalField } from "./units.js";
 
 const SEND_EVERY_MS = 33;
 // The server's word on the set-point is older than the user's while one is on its way.
 const OWN_WORD_MS = 800;
-const STEP_DEG = { ArrowLeft: 1, ArrowUp: 1, ArrowRight: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
+const KEY_STEPS = { ArrowLeft: 1, ArrowUp: 1, ArrowRight: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
 
-/** The set-point: shown by slider, field and arm; sent at once, then at most 30 times a second. */
+/** The hand on the set-points, which one page has at a time. */
+export class Hold {
+  #isOurs = false;
+
+  constructor(link) {
+    byId("hold").onclick = () => attempt(() => link.request(this.#isOurs ? "let_go" : "hold"));
+  }
+
+  follow({ holder, holder_name: name }) {
+    this.#isOurs = holder;
+    write(byId("hold"), holder ? "Let go" : "Take the hand");
+    write(byId("holder"), holder ? "in your hand" : name ? `in the hand of ${name}` : "");
+  }
+}
+
+/** All set-points, in the order of the tracked outputs; the first has the page's own controls. */
+export function setpointsOf(hello, link, units) {
+  const { tracked } = hello.rig;
+  byId("setpoints").hidden = tracked.length === 0;
+  return tracked.map((about, place) => {
+    const controls =
+      place === 0
+        ? { slider: byId("setpoint"), input: byId("setpoint_value"), unit: byId("setpoint_unit"), row: byId("setpoint_row") }
+        : addControls();
+    controls.unit.dataset.unit = about.name;
+    if (tracked.length > 1) {
+      controls.row.prepend(element("span", { class: "joint" }, about.joint));
+      controls.slider.setAttribute("aria-label", `Set-point of ${about.joint}`);
+      controls.input.setAttribute("aria-label", `Set-point of ${about.joint} as a number`);
+    }
+    const joint = tracked.length > 1 ? { joint: about.joint } : {};
+    return new Setpoint({ ...about, place, joint, isUsable: hello.hand }, controls, link, units);
+  });
+}
+
+function addControls() {
+  const slider = element("input", { class: "setpoint", type: "range", dir: "rtl" });
+  const input = element("input", { type: "number" });
+  const unit = element("span", { class: "unit" });
+  const row = element("div", { class: "slide" }, slider, input, unit);
+  byId("setpoints").append(row);
+  return { slider, input, unit, row };
+}
+
+/** A set-point: shown by slider, field and arm; sent at once, then at most 30 times a second. */
 export class Setpoint {
   #waiting = null;
   #sentMs = -Infinity;
   #movedMs = -Infinity;
-  #holding = false;
 
-  constructor(hello, link, units) {
-    const { low_v: lowV, high_v: highV } = hello.reference;
-    Object.assign(this, { link, units, lowV, highV, valueV: 0, disabled: !hello.hand });
-    this.slider = byId("setpoint");
-    Object.assign(this.slider, { min: lowV, max: highV, step: (highV - lowV) / 400 });
-    this.degPerV = hello.channels.find(({ name }) => name === "position_v").si_per_v;
-    this.field = new VoltageField(byId("setpoint_value"), units, "reference_v", { lowV, highV, valueV: 0 });
-    this.slider.oninput = () => this.set(Number(this.slider.value));
-    byId("setpoint_value").onchange = () => this.set(this.field.valueV);
-    byId("hold").onclick = () => attempt(() => link.request(this.#holding ? "let_go" : "hold"));
+  constructor({ name, output, joint, place, low, high, isUsable }, { slider, input }, link, units) {
+    Object.assign(this, { name, output, joint, place, slider, link, units, value: 0, disabled: !isUsable });
+    Object.assign(this, { low: low ?? -Infinity, high: high ?? Infinity });
+    const isBounded = Number.isFinite(this.high - this.low);
+    slider.hidden = !isBounded;
+    if (isBounded) Object.assign(slider, { min: low, max: high, step: (high - low) / 400 });
+    // Of the keys: a degree, or a two-hundredth of the travel.
+    this.keyStep = units.isAngle(name) ? 1 / units.siFactor(name) : isBounded ? (high - low) / 200 : 1;
+    this.field = new SignalField(input, units, name, { low, high, value: 0 });
+    slider.oninput = () => this.set(Number(slider.value));
+    input.onchange = () => this.set(this.field.value);
   }
 
   /** Move the set-point. */
-  set(valueV) {
-    if (this.disabled || !Number.isFinite(valueV)) return;
+  set(value) {
+    if (this.disabled || !Number.isFinite(value)) return;
     this.#movedMs = performance.now();
-    this.#show(Math.min(this.highV, Math.max(this.lowV, valueV)));
+    this.#show(Math.min(this.high, Math.max(this.low, value)));
     if (this.#waiting !== null) return;
     const waitMs = Math.max(0, this.#sentMs + SEND_EVERY_MS - this.#movedMs);
     if (waitMs === 0) this.#send();
@@ -40,36 +84,35 @@ export class Setpoint {
 
   /** Move by a key; positive is left, as seen from above. */
   key(event) {
-    const deg = event.key === "Home" ? -this.valueV * this.degPerV : STEP_DEG[event.key];
-    if (deg === undefined) return;
+    const steps = event.key === "Home" ? -this.value / this.keyStep : KEY_STEPS[event.key];
+    if (steps === undefined) return;
     event.preventDefault();
-    this.set(this.valueV + ((event.shiftKey ? 5 : 1) * deg) / this.degPerV);
+    this.set(this.value + (event.shiftKey ? 5 : 1) * steps * this.keyStep);
   }
 
   /** Take over what the server says is in force. */
-  follow({ reference_v: referenceV, holder, holder_name: name }) {
-    this.#holding = holder;
-    write(byId("hold"), holder ? "Let go" : "Take the hand");
-    write(byId("holder"), holder ? "in your hand" : name ? `in the hand of ${name}` : "");
+  follow({ references }) {
+    const inForce = references[this.place];
     const isOld = performance.now() - this.#movedMs > OWN_WORD_MS;
-    if (isOld && Number.isFinite(referenceV)) this.#show(referenceV);
+    if (isOld && Number.isFinite(inForce)) this.#show(inForce);
   }
 
-  #show(valueV) {
-    this.valueV = valueV;
-    this.slider.value = valueV;
+  #show(value) {
+    this.value = value;
+    this.slider.value = value;
     // Positive is left, as of the arm.
-    const places = [0, valueV].map((volts) => (100 * (this.highV - volts)) / (this.highV - this.lowV));
+    const part = (at) => (100 * (this.high - Math.min(this.high, Math.max(this.low, at)))) / (this.high - this.low);
+    const places = [0, value].map(part);
     this.slider.style.setProperty("--from", `${Math.min(...places)}%`);
     this.slider.style.setProperty("--to", `${Math.max(...places)}%`);
-    this.slider.setAttribute("aria-valuetext", this.units.shown("reference_v", valueV, 1));
-    if (document.activeElement !== this.field.input) this.field.show(valueV);
+    this.slider.setAttribute("aria-valuetext", this.units.shown(this.name, value, 1));
+    if (document.activeElement !== this.field.input) this.field.show(value);
   }
 
   #send() {
     this.#waiting = null;
     this.#sentMs = performance.now();
-    attempt(() => this.link.request("reference", { value_v: this.valueV }));
+    attempt(() => this.link.request("reference", { value_v: this.value, ...this.joint }));
   }
 }
 
@@ -114,15 +157,17 @@ export function showPower({ badge, nodes, has_experiment: hasExperiment }) {
   byId("deactivate").hidden = isStopped || !isActive || hasExperiment;
 }
 
-/** Waveforms of the set-point. */
+/** Waveforms of the set-point of the thesis's arm. */
 export class Waveform {
   #runs = false;
 
   constructor(hello, link, units) {
-    const { low_v: lowV, high_v: highV } = hello.reference;
-    const field = (id, bounds) => new VoltageField(byId(id), units, "reference_v", bounds);
-    this.amplitude = field("wave_amplitude", { lowV: 0, highV, valueV: 1 });
-    this.offset = field("wave_offset", { lowV, highV, valueV: 0 });
+    byId("waveform").hidden = hello.arm === undefined;
+    if (hello.arm === undefined) return;
+    const [{ name, low, high }] = hello.rig.tracked;
+    const field = (id, bounds) => new SignalField(byId(id), units, name, bounds);
+    this.amplitude = field("wave_amplitude", { low: 0, high, value: 1 });
+    this.offset = field("wave_offset", { low, high, value: 0 });
     byId("wave").onclick = () =>
       attempt(() => link.request("waveform", this.#runs ? { kind: "none" } : this.#wanted()));
   }
@@ -135,8 +180,8 @@ export class Waveform {
   #wanted() {
     return {
       kind: byId("wave_kind").value,
-      amplitude_v: this.amplitude.valueV,
-      offset_v: this.offset.valueV,
+      amplitude_v: this.amplitude.value,
+      offset_v: this.offset.value,
       period_s: Number(byId("wave_period").value),
     };
   }
@@ -159,6 +204,11 @@ export class LawMenu {
     if (law === this.law) return false;
     this.law = law;
     this.menu.value = law;
+    if (this.menu.value !== law) {
+      // One of the user's own, from a file.
+      this.menu.append(element("option", { value: law }, law));
+      this.menu.value = law;
+    }
     return true;
   }
 }

@@ -4,8 +4,9 @@ import { ArmView } from "./arm.js";
 import { Chain, Jobs } from "./chain.js";
 import { byId, write } from "./dom.js";
 import { Parameters } from "./gains.js";
-import { LawMenu, Setpoint, Waveform, showPower, wireStop } from "./hands.js";
+import { Hold, LawMenu, Waveform, setpointsOf, showPower, wireStop } from "./hands.js";
 import { Link } from "./link.js";
+import { LinksView } from "./links.js";
 import { ModelStage } from "./model.js";
 import { Ring, decode } from "./samples.js";
 import { showBadge, showLoop } from "./status.js";
@@ -31,12 +32,12 @@ function furnish(hello) {
   const names = hello.channels.map(({ name }) => name);
   const units = new Units(hello.channels);
   const ring = new Ring(names, Math.ceil(KEPT_S * hello.rate_hz), hello.rate_hz);
-  const setpoint = new Setpoint(hello, link, units);
+  const setpoints = setpointsOf(hello, link, units);
   const parameters = new Parameters(hello, link);
   const jobs = new Jobs(link);
-  const step = new StepStage(hello, ring, units, setpoint, parameters);
+  const step = new StepStage(hello, ring, units, setpoints, parameters);
   const tune = new TuneStage(hello, link, jobs, parameters, step);
-  const model = new ModelStage((wish) => chain.identify(wish));
+  const model = new ModelStage(units, (wish) => chain.identify(wish));
   const chain = new Chain(hello, link, jobs, {
     identified: (data) => model.show(data),
     written: ({ models, bag, report }) => {
@@ -45,20 +46,25 @@ function furnish(hello) {
     },
     found: (models) => tune.offer(models),
   });
-  const views = { arm: new ArmView(hello, setpoint), traces: new Traces(hello, ring, units) };
+  const isThesis = hello.arm !== undefined;
+  for (const part of document.querySelectorAll("[data-of=thesis]")) part.hidden = !isThesis;
+  const arm = isThesis ? new ArmView(hello, units, setpoints[0]) : new LinksView(hello, units, setpoints);
+  if (!isThesis) write(byId("arm_title"), hello.rig.name);
+  const views = { arm, traces: new Traces(hello, ring, units) };
   byId("stop").disabled = !hello.hand;
   write(byId("rate"), `${hello.rate_hz} Hz`);
-  wireUnits(units);
+  wireUnits(units, hello.rig);
   const wave = new Waveform(hello, link, units);
   const law = new LawMenu(hello, link);
-  room = { hello, ring, units, setpoint, parameters, chain, wave, law, state: null, ...views };
+  const hold = new Hold(link);
+  room = { hello, ring, units, setpoints, parameters, chain, wave, law, hold, state: null, ...views };
 }
 
 /** Let the controls be used while the server is there; the stop always says what became of it. */
 function enable(isReachable) {
   const isUsable = isReachable && room !== null && room.hello.hand;
   for (const id of ["hands", "rig", "chain", "release", "activate", "deactivate"]) byId(id).disabled = !isUsable;
-  if (room !== null) room.setpoint.disabled = !isUsable;
+  for (const setpoint of room?.setpoints ?? []) setpoint.disabled = !isUsable;
 }
 
 function lose(reason) {
@@ -66,12 +72,15 @@ function lose(reason) {
   showBadge("STALE", reason);
 }
 
-function wireUnits(units) {
+function wireUnits(units, { joints, inputs, tracked }) {
+  const telling = [...joints.map(({ angle }) => angle), ...inputs.map(({ name }) => name)];
+  write(byId("units_si"), units.listed(telling, true));
+  write(byId("units_v"), units.listed(telling, false));
   const choose = (si) => {
     units.si = si;
     byId("units_si").setAttribute("aria-pressed", `${si}`);
     byId("units_v").setAttribute("aria-pressed", `${!si}`);
-    for (const node of document.querySelectorAll("[data-unit]")) write(node, units.unit(node.dataset.unit));
+    for (const node of tracked.length > 0 ? document.querySelectorAll("[data-unit]") : []) write(node, units.unit(node.dataset.unit || tracked[0].name));
   };
   byId("units_si").onclick = () => choose(true);
   byId("units_v").onclick = () => choose(false);
@@ -84,7 +93,7 @@ link.addEventListener("hello", ({ detail }) => {
     return;
   }
   // After a break the same laboratory keeps its traces; another one begins anew.
-  const kind = ({ channels, hand }) => JSON.stringify([channels, hand]);
+  const kind = ({ channels, rig, hand }) => JSON.stringify([channels, rig, hand]);
   if (kind(detail) !== kind(room.hello)) location.reload();
   for (const [node, parameters] of Object.entries(detail.nodes)) {
     const values = Object.fromEntries(parameters.map(({ name, value }) => [name, value]));
@@ -100,7 +109,7 @@ link.addEventListener("state", ({ detail: state }) => {
   showBadge(state.badge, state.reason);
   showPower(state);
   showLoop(state, room.ring.lost);
-  for (const part of [room.setpoint, room.wave, room.chain]) part.follow(state);
+  for (const part of [...room.setpoints, room.hold, room.wave, room.chain]) part.follow(state);
   room.parameters.followPayload(state.payload_kg);
   if (room.law.follow(state)) room.parameters.showLaw(state.law);
 });
@@ -126,22 +135,14 @@ let drawnOf = "";
 
 function frame(nowMs) {
   if (room !== null && room.ring.end > 0) {
-    const { ring, units, state } = room;
-    const sample = {
-      timeS: ring.time(ring.end - 1),
-      positionV: ring.newest("position_v"),
-      baseV: ring.newest("base_strain_v"),
-      middleV: ring.newest("middle_strain_v"),
-      referenceV: ring.newest("reference_v"),
-      payloadKg: state?.payload_kg,
-    };
+    const { arm, ring, state } = room;
     // Without a server nothing is new, and a drawing takes a third of a core.
-    const of = [ring.end, sample.timeS, sample.payloadKg, room.arm.enlarged].join();
-    if (of !== drawnOf) room.arm.draw(sample);
+    const of = [ring.end, ring.time(ring.end - 1), state?.payload_kg, arm.enlarged].join();
+    if (of !== drawnOf) arm.draw(ring, state?.payload_kg);
     drawnOf = of;
     if (nowMs >= figuresDueMs) {
       figuresDueMs = nowMs + FIGURES_EVERY_MS;
-      room.arm.tellFigures(sample, units);
+      arm.tellFigures(ring);
     }
     room.traces.draw(nowMs);
   }

@@ -13,14 +13,15 @@ const KINDS = {
   rare: "at few orders",
   damped: "strongly damped",
 };
-const title = (output) => output.replace(/_v$/, "").replace("_", " ");
+const title = (output) => output.replace(/_v$/, "").replaceAll("_", " ");
 
 /** Stage Model; `identify(wish)` is asked for another order or other modes. */
 export class ModelStage {
   #known = [];
   #order = 0;
 
-  constructor(identify) {
+  constructor(units, identify) {
+    this.units = units;
     this.again = (wish) => attempt(() => identify(wish));
     byId("order").onchange = ({ target }) => this.#wish(Number(target.value));
   }
@@ -118,7 +119,7 @@ export class ModelStage {
       const drawing = {
         label: `${title(output)}: measured and simulated`,
         x: { label: "s" },
-        y: { label: `${title(output)}, V` },
+        y: { label: [title(output), this.units.ownUnit(output)].filter(Boolean).join(", ") },
         curves: [
           { kind: "former", x: fit.t_s, y: fit.measured[k] },
           { kind: "now", x: fit.t_s, y: fit.simulated[k] },

@@ -11,6 +11,14 @@ export function figure(value, decimals) {
   return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
 }
 
+const MOST_DECIMALS = 6;
+
+/** Decimals that show a value of this size to about a hundredth of it. */
+export function decimalsOf(size) {
+  const decade = Math.floor(Math.log10(Math.abs(size)));
+  return Number.isFinite(decade) ? Math.min(MOST_DECIMALS, Math.max(0, 2 - decade)) : 0;
+}
+
 /** Step of a number field: about a two-hundredth of its range, as 1, 2 or 5 times a power of ten. */
 export function stepOf({ kind, low, high }) {
   if (kind === "integer") return 1;
@@ -38,17 +46,18 @@ export function ticksOf(low, high, log, count = 6) {
 }
 
 /**
- * Figures of a step of `sizeV` from 0: overshoot as part of the step, when the position stays within
- * 5 % of it (null: not yet), the error of the last sample, and the strain's swing in the last third.
+ * Figures of a step of `size` from 0: overshoot as part of the step, when the output stays within
+ * 5 % of it (null: not yet), the error of the last sample, and the swing of a signal in the last
+ * third.
  */
-export function stepFigures({ sizeV, timesS, positionV, strainV }) {
-  const outside = positionV.findLastIndex((volts) => Math.abs(volts - sizeV) > SETTLED * sizeV);
-  const late = strainV.slice(Math.floor(LATE_PART * strainV.length));
+export function stepFigures({ size, timesS, output, swinging }) {
+  const outside = output.findLastIndex((each) => Math.abs(each - size) > SETTLED * size);
+  const late = swinging.slice(Math.floor(LATE_PART * swinging.length));
   const mean = late.reduce((sum, each) => sum + each, 0) / late.length;
   return {
-    overshoot: Math.max(0, Math.max(...positionV) / sizeV - 1),
+    overshoot: Math.max(0, Math.max(...output) / size - 1),
     settledS: timesS[outside + 1] ?? null,
-    errorV: sizeV - positionV.at(-1),
-    swingV: Math.sqrt(late.reduce((sum, each) => sum + (each - mean) ** 2, 0) / late.length),
+    error: size - output.at(-1),
+    swing: Math.sqrt(late.reduce((sum, each) => sum + (each - mean) ** 2, 0) / late.length),
   };
 }

@@ -10,12 +10,15 @@ const LEAST_SPAN_S = 0.05;
 const REST_FACTOR = 3;
 // A busy machine drops some samples on their way here; a curve goes on over so few.
 const HOLE_PERIODS = 10;
-const TITLES = { position: "Position", strain: "Strain", speed: "Speed", command: "Command" };
-// Range of an axis whose signal rests, V: noise is not blown up to full height.
+// Range of an axis whose signal rests: noise is not blown up to full height. Volts of the thesis's
+// arm; of another one a part of the range of its signals.
 const LEAST_RANGE_V = { position: 0.5, strain: 1, speed: 0.2, command: 1 };
+const LEAST_PART = 1 / 40;
+const COLOURS = ["accent", "second", "third", "fourth", "fifth", "sixth"];
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-const label = (name) => name.replace(/_v$/, "").replace("_", " ").replace("reference", "set-point");
+const label = (name) => name.replace(/_v$/, "").replaceAll("_", " ").replace(/^reference/, "set-point");
+const titled = (group) => group[0].toUpperCase() + group.slice(1);
 
 /** The plots, and the span of time that they show. */
 export class Traces {
@@ -97,7 +100,7 @@ export class Traces {
   #build() {
     for (const { plot } of this.#panels) plot.destroy();
     this.#panels = [];
-    const groups = Object.keys(TITLES).filter((group) => this.#channels(group).length > 0);
+    const groups = [...new Set(this.hello.channels.map(({ group }) => group))].filter((group) => group !== "sequence");
     const figures = groups.map((group) => this.#panel(group, group === groups.at(-1)));
     this.host.replaceChildren(...figures);
     this.#fit();
@@ -111,25 +114,48 @@ export class Traces {
   #panel(group, last) {
     const names = this.#channels(group);
     const readings = names.map(() => element("output", {}, "–"));
+    const curves = this.#curves(names);
+    const keys = names.map((name, k) => {
+      const { hue, isShared } = curves[k];
+      const key = element("span", { class: `key${isShared ? " goal" : ""}` }, `${label(name)} `, readings[k]);
+      key.style.setProperty("--key", `var(--${hue})`);
+      return key;
+    });
     const caption = element(
       "figcaption",
       {},
-      element("b", {}, TITLES[group]),
-      ...names.map((name, k) =>
-        element("span", { class: `key key${k}` }, `${label(name)} `, readings[k]),
-      ),
+      element("b", {}, titled(group)),
+      ...keys,
     );
     const figure = element("figure", {}, caption);
-    const plot = new uPlot(this.#options(group, names, last), [[]], figure);
+    const plot = new uPlot(this.#options(group, names, curves, last), [[]], figure);
     this.#panels.push({ plot, names, readings, last });
     return figure;
   }
 
-  #options(group, names, last) {
-    const least = LEAST_RANGE_V[group] * this.units.factor(names[0]);
+  /** Colour of each curve, and whether it is a set-point; among several it has that of its output. */
+  #curves(names) {
+    const outputOf = new Map(this.hello.rig.tracked.map(({ name, output }) => [name, output]));
+    const measured = names.filter((name) => !outputOf.has(name));
+    return names.map((name, k) => {
+      const isShared = outputOf.has(name) && measured.length > 1;
+      const place = isShared ? measured.indexOf(outputOf.get(name)) : k;
+      return { hue: COLOURS[place % COLOURS.length], isGoal: outputOf.has(name), isShared };
+    });
+  }
+
+  /** Least range of the axis of a plot, in the units that are shown. */
+  #least(group, names) {
+    const { low, high } = this.units.channels.get(names[0]);
+    const isKnown = Number.isFinite(low) && Number.isFinite(high);
+    const least = isKnown ? LEAST_PART * (high - low) : low === undefined ? LEAST_RANGE_V[group] : 0;
+    return least * Math.abs(this.units.factor(names[0]));
+  }
+
+  #options(group, names, curves, last) {
+    const least = this.#least(group, names);
     const axis = { stroke: colour("muted"), font: "11px system-ui", grid: { stroke: colour("line"), width: 1 } };
     axis.ticks = { show: false };
-    const strokes = [colour("accent"), colour("second")];
     return {
       width: 300,
       height: this.#height(last),
@@ -147,11 +173,11 @@ export class Traces {
       ],
       series: [
         {},
-        ...names.map((_, k) => ({
-          stroke: strokes[k],
+        ...curves.map(({ hue, isGoal }) => ({
+          stroke: colour(hue),
           // A wider line takes seven times as long where no graphics card draws it.
           width: 1,
-          dash: group === "position" && k === 1 ? [5, 4] : undefined,
+          dash: isGoal ? [5, 4] : undefined,
           points: { show: false },
         })),
       ],
@@ -215,9 +241,9 @@ export class Traces {
 
 /** Range of an axis around a signal: a tenth of room on either side, and never less than `least`. */
 function roomy(low, high, least) {
-  if (low === null || high === null) return [-least, least];
-  const half = Math.max((high - low) * 0.6, least / 2);
+  if (low === null || high === null) return [-(least || 1), least || 1];
   const middle = (low + high) / 2;
+  const half = Math.max((high - low) * 0.6, least / 2) || Math.abs(middle) / 2 || 1;
   return [middle - half, middle + half];
 }
 

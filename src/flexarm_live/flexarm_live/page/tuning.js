@@ -1,10 +1,10 @@
 // Tuning on models, its margins, the new law on the arm, and its step beside the former one.
 
-import { attempt, byId, element, fillMenu, fillTable, tell } from "./dom.js";
+import { attempt, byId, element, fillMenu, fillTable, tell, write } from "./dom.js";
 import { chart } from "./charts.js";
 import { askCommand, showCommand, showStage } from "./chain.js";
 import { figure, stepFigures } from "./numbers.js";
-import { VoltageField } from "./units.js";
+import { SignalField } from "./units.js";
 
 const NOMINAL = ["nominal:0", "nominal:0.2", "nominal:0.4"];
 const USUAL_LAW = "pdpc";
@@ -22,7 +22,8 @@ export class TuneStage {
 
   constructor(hello, link, jobs, parameters, step) {
     Object.assign(this, { link, jobs, parameters, step });
-    const { tunable_laws: laws, laws_with_margins: withMargins } = hello;
+    const { tunable_laws: laws = [], laws_with_margins: withMargins = [] } = hello;
+    this.isOffered = laws.length > 0;
     this.hasMargins = (law) => withMargins.includes(law);
     fillMenu(byId("tuned_law"), laws.map((law) => [law, law]), USUAL_LAW);
     for (const id of ["tuned_law", "gain_margin", "phase_margin"]) byId(id).onchange = () => this.#tellCommand();
@@ -56,6 +57,7 @@ export class TuneStage {
   }
 
   #tellCommand() {
+    if (!this.isOffered) return;
     const wanted = this.#wanted;
     for (const id of ["gain_margin", "phase_margin"]) byId(id).disabled = !this.hasMargins(wanted.law);
     attempt(() => askCommand(this.link, "tune", "tune", wanted.models.length === 0 ? null : wanted));
@@ -137,36 +139,68 @@ export class TuneStage {
 
 // Times what a wait takes when nothing is late.
 const LONGEST_WAIT = 4;
+// Samples come as float32.
+const ROUNDING = 1e-6;
+const isNear = (one, other, size) => Math.abs(one - other) <= ROUNDING * (Math.abs(one) + Math.abs(size));
+const SWINGING = /^(strain|moment)/;
 
-/** Stage Step: a step of the set-point, out and back, each beside the one before it. */
+/** Stage Step: a step of a set-point, out and back, each beside the one before it. */
 export class StepStage {
   #former = null;
   #latest = null;
-  #homeV = null;
+  #home = null;
 
-  constructor(hello, ring, units, setpoint, parameters) {
-    Object.assign(this, { ring, units, setpoint, parameters });
-    const { low_v: lowV, high_v: highV } = hello.reference;
-    this.size = new VoltageField(byId("step_size"), units, "reference_v", { lowV, highV, valueV: 1 });
+  constructor(hello, ring, units, setpoints, parameters) {
+    Object.assign(this, { ring, units, setpoints, parameters });
+    const { tracked } = hello.rig;
+    byId("tab_step").hidden = tracked.length === 0;
+    showCommand("step", "");
+    if (tracked.length === 0) return;
+    byId("step_which").hidden = tracked.length === 1;
+    fillMenu(byId("step_joint"), tracked.map(({ joint }, place) => [`${place}`, joint]));
+    byId("step_joint").onchange = ({ target }) => this.#choose(setpoints[Number(target.value)]);
+    // What vibrates is best seen by a gauge.
+    this.gauge = hello.channels.find(({ group }) => SWINGING.test(group))?.name;
+    this.size = new SignalField(byId("step_size"), units, setpoints[0].name, { value: 0 });
+    this.#choose(setpoints[0]);
     byId("step").onclick = () => attempt(() => this.#step());
     units.addEventListener("change", () => this.#show());
-    showCommand("step", "");
+  }
+
+  #choose(setpoint) {
+    this.setpoint = setpoint;
+    this.#former = this.#latest = this.#home = null;
+    byId("step_unit").dataset.unit = setpoint.name;
+    const { name, low, high } = setpoint;
+    write(byId("step_unit"), this.units.unit(name));
+    Object.assign(this.size, { name, low, high });
+    this.size.show(this.#usual(setpoint));
+  }
+
+  /** A volt of the thesis's arm, else about a tenth of the way to the end of the travel. */
+  #usual({ name, high }) {
+    if (this.units.ownUnit(name) === "V" || !Number.isFinite(high)) return 1;
+    return Number((high / 10).toPrecision(1));
   }
 
   async #step() {
-    const fromV = this.setpoint.valueV;
-    const isOut = this.#homeV !== null && Math.abs(fromV - this.#homeV - this.size.valueV) < 1e-3;
-    const toV = isOut ? this.#homeV : fromV + this.size.valueV;
-    if (Math.abs(toV) > this.setpoint.highV) throw new Error("step: it ends beyond the stops; choose a smaller one");
-    this.#homeV = isOut ? this.#homeV : fromV;
-    showCommand("step", `./flexarm reference ${Number(toV.toFixed(3))}`);
+    const from = this.setpoint.value;
+    const { value: size } = this.size;
+    const isOut = this.#home !== null && isNear(from, this.#home + size, size);
+    const to = isOut ? this.#home : from + size;
+    if (to > this.setpoint.high || to < this.setpoint.low) {
+      throw new Error("step: it ends beyond the stops; choose a smaller one");
+    }
+    this.#home = isOut ? this.#home : from;
+    const words = ["./flexarm reference", ...Object.values(this.setpoint.joint), Number(to.toPrecision(4))];
+    showCommand("step", words.join(" "));
     const button = byId("step");
     button.disabled = true;
     try {
-      const begun = await this.#sent(toV);
+      const begun = await this.#sent(to, size);
       const seenS = Number(byId("step_seen").value);
       await this.#until(() => this.ring.end && this.#newestS() >= this.ring.time(begun) + seenS, seenS);
-      [this.#former, this.#latest] = [this.#latest, this.#cut(begun, seenS, fromV, toV)];
+      [this.#former, this.#latest] = [this.#latest, this.#cut(begun, seenS, from, to)];
       this.#show();
     } finally {
       button.disabled = false;
@@ -174,12 +208,12 @@ export class StepStage {
   }
 
   /** Send the set-point and return the index of the first sample that has it. */
-  async #sent(toV) {
+  async #sent(to, size) {
     let next = this.ring.end;
-    this.setpoint.set(toV);
+    this.setpoint.set(to);
     const hasIt = () => {
       for (; next < this.ring.end; next += 1) {
-        if (Math.abs(this.ring.value("reference_v", next) - toV) < 1e-3) return true;
+        if (isNear(this.ring.value(this.setpoint.name, next), to, size)) return true;
       }
       return false;
     };
@@ -199,31 +233,35 @@ export class StepStage {
     }
   }
 
-  #cut(begun, seenS, fromV, toV) {
+  #cut(begun, seenS, from, to) {
     const indices = [];
     const startS = this.ring.time(begun);
     for (let k = begun; k < this.ring.end && this.ring.time(k) <= startS + seenS; k += 1) indices.push(k);
-    const sign = Math.sign(toV - fromV);
+    const sign = Math.sign(to - from);
+    const { output } = this.setpoint;
+    const swinging = this.gauge ?? output;
     return {
       law: this.parameters.law,
       gains: this.parameters.gainsText(),
-      sizeV: Math.abs(toV - fromV),
+      size: Math.abs(to - from),
       timesS: indices.map((k) => this.ring.time(k) - startS),
-      positionV: indices.map((k) => sign * (this.ring.value("position_v", k) - fromV)),
-      strainV: indices.map((k) => this.ring.value("base_strain_v", k)),
+      output: indices.map((k) => sign * (this.ring.value(output, k) - from)),
+      swinging: indices.map((k) => this.ring.value(swinging, k)),
+      units: [output, swinging].map((name) => this.units.ownUnit(name)),
     };
   }
 
   #show() {
     const kept = [["former", this.#former], ["now", this.#latest]].filter(([, step]) => step !== null);
     if (kept.length === 0) return;
-    const factor = this.units.factor("position_v");
+    const { output } = this.setpoint;
+    const factor = this.units.factor(output);
     chart(byId("steps"), {
       label: "Step of the arm, beside the one before it",
       x: { label: "s" },
-      y: { label: this.units.unit("position_v") },
-      curves: kept.map(([kind, step]) => ({ kind, x: step.timesS, y: step.positionV.map((volts) => volts * factor) })),
-      marks: [{ y: this.#latest.sizeV * factor, kind: "zero", text: "set-point" }],
+      y: { label: this.units.unit(output) },
+      curves: kept.map(([kind, step]) => ({ kind, x: step.timesS, y: step.output.map((each) => each * factor) })),
+      marks: [{ y: this.#latest.size * factor, kind: "zero", text: "set-point" }],
     });
     const columns = [this.#former, this.#latest].map((step) => (step === null ? {} : worded(step)));
     fillTable(
@@ -234,13 +272,14 @@ export class StepStage {
 }
 
 function worded(step) {
-  const { overshoot, settledS, errorV, swingV } = stepFigures(step);
+  const { overshoot, settledS, error, swing } = stepFigures(step);
+  const [unit, swingUnit] = step.units;
   return {
     Law: step.law,
     Gains: step.gains,
     Overshoot: `${figure(100 * overshoot, 1)} %`,
     "Settled to 5 %": settledS === null ? "not yet" : `${figure(settledS, 2)} s`,
-    "Error at the end": `${figure(errorV, 3)} V`,
-    "Swing at the end": `${figure(swingV, 3)} V rms`,
+    "Error at the end": `${figure(error, 3)} ${unit}`,
+    "Swing at the end": `${figure(swing, 3)} ${swingUnit} rms`,
   };
 }

@@ -1,10 +1,13 @@
-// Units: every signal is a voltage, shown in volts or in its SI unit.
+// Units: every signal is shown in its own unit or in its SI unit.
 
-import { figure } from "./numbers.js";
+import { decimalsOf, figure, stepOf } from "./numbers.js";
 
-const PRETTY = { deg: "°", "N m": "N m", "deg/s": "°/s" };
+const PRETTY = { deg: "°", "deg/s": "°/s", "m/s^2": "m/s²", 1: "" };
+const pretty = (unit) => PRETTY[unit] ?? unit;
+const FIELD_DECIMALS = 2;
+const STEPS = { "°": 0.5, V: 0.05 };
 
-/** Scales of the channels, with the choice between volts and SI units. */
+/** Scales of the channels, with the choice between their own units and SI units. */
 export class Units extends EventTarget {
   #si = true;
 
@@ -22,43 +25,77 @@ export class Units extends EventTarget {
     this.dispatchEvent(new Event("change"));
   }
 
+  /** SI units, or degrees, of one unit of a signal. */
+  siFactor(name) {
+    return this.channels.get(name).si_per_v;
+  }
+
   factor(name) {
-    return this.#si ? this.channels.get(name).si_per_v : 1;
+    return this.#si ? this.siFactor(name) : 1;
+  }
+
+  isAngle(name) {
+    return this.channels.get(name).si_unit === "deg";
+  }
+
+  /** Unit in which a signal is recorded. */
+  ownUnit(name) {
+    return this.channels.get(name)?.unit ?? "";
   }
 
   unit(name) {
-    if (!this.#si) return "V";
-    const unit = this.channels.get(name).si_unit;
-    return PRETTY[unit] ?? unit;
+    const { unit, si_unit: siUnit } = this.channels.get(name);
+    return pretty(this.#si ? siUnit : unit);
   }
 
-  shown(name, volts, decimals = 2) {
+  /** Units of some signals for a button: SI units, or their own. */
+  listed(names, si) {
+    const units = names.map((name) => this.channels.get(name)).map((channel) => (si ? channel.si_unit : channel.unit));
+    return [...new Set(units.map(pretty))].filter(Boolean).join(", ");
+  }
+
+  shown(name, value, decimals = 2) {
     const unit = this.unit(name);
-    return `${figure(volts * this.factor(name), decimals)}${unit === "°" ? "" : " "}${unit}`;
+    const number = value * this.factor(name);
+    const { low, high } = this.channels.get(name);
+    // The thesis's arm states no range: so many decimals serve all of its signals.
+    const finest = low === undefined ? decimals : Math.max(decimals, decimalsOf(this.#full(name) ?? number));
+    return `${figure(number, finest)}${unit === "°" || unit === "" ? "" : " "}${unit}`;
+  }
+
+  /** Full scale of a signal in the unit that is shown; null where it is not known. */
+  #full(name) {
+    const { low, high } = this.channels.get(name);
+    const known = [low, high].filter(Number.isFinite).map(Math.abs);
+    return known.length === 0 ? null : Math.max(...known) * this.factor(name);
   }
 }
 
-/** Number field of a voltage that is typed and read in the chosen unit. */
-export class VoltageField {
-  constructor(input, units, name, { lowV, highV, valueV }) {
-    Object.assign(this, { input, units, name, lowV, highV, valueV });
+/** Number field of a signal that is typed and read in the chosen unit. */
+export class SignalField {
+  constructor(input, units, name, { low, high, value }) {
+    Object.assign(this, { input, units, name, low: low ?? -Infinity, high: high ?? Infinity, value });
     input.addEventListener("change", () => this.#read());
-    units.addEventListener("change", () => this.show(this.valueV));
-    this.show(valueV);
+    units.addEventListener("change", () => this.show(this.value));
+    this.show(value);
   }
 
-  show(valueV) {
-    this.valueV = valueV;
+  show(value) {
+    this.value = value;
     const factor = this.units.factor(this.name);
-    const bounds = [this.lowV * factor, this.highV * factor];
-    [this.input.min, this.input.max] = bounds.map((bound) => bound.toFixed(2));
-    this.input.step = this.units.si ? "0.5" : "0.05";
-    this.input.value = (valueV * factor).toFixed(2);
+    const [low, high] = [this.low * factor, this.high * factor];
+    const isBounded = Number.isFinite(low) && Number.isFinite(high);
+    const decimals = isBounded ? Math.max(FIELD_DECIMALS, 1 + decimalsOf(Math.max(-low, high))) : FIELD_DECIMALS;
+    for (const [bound, at] of [["min", low], ["max", high]]) {
+      if (Number.isFinite(at)) this.input[bound] = at.toFixed(decimals);
+    }
+    this.input.step = STEPS[this.units.unit(this.name)] ?? stepOf({ low, high });
+    this.input.value = (value * factor).toFixed(decimals);
   }
 
   #read() {
     const typed = Number.parseFloat(this.input.value) / this.units.factor(this.name);
-    const within = Math.min(this.highV, Math.max(this.lowV, typed));
-    this.show(Number.isFinite(within) ? within : this.valueV);
+    const within = Math.min(this.high, Math.max(this.low, typed));
+    this.show(Number.isFinite(within) ? within : this.value);
   }
 }
