@@ -5,8 +5,9 @@ import { test } from "node:test";
 
 const PAGE = new URL("../../src/flexarm_live/flexarm_live/page/", import.meta.url);
 const { decode, decimated, Ring, withHoles } = await import(new URL("samples.js", PAGE));
+const { nextTo, ray } = await import(new URL("dial.js", PAGE));
 const { angleAt, deflections, linkPoints } = await import(new URL("bending.js", PAGE));
-const { figure, stepFigures, stepOf, ticksOf } = await import(new URL("numbers.js", PAGE));
+const { decimalsOf, figure, stepFigures, stepOf, ticksOf } = await import(new URL("numbers.js", PAGE));
 const { Units } = await import(new URL("units.js", PAGE));
 
 const near = (value, wanted, within = 1e-9) =>
@@ -164,10 +165,30 @@ test("numbers are written with a true minus, and never as minus zero", () => {
 });
 
 test("a signal is shown in volts or in its unit", () => {
-  const units = new Units([{ name: "position_v", si_unit: "deg", si_per_v: 35 / 3 }]);
+  const units = new Units([{ name: "position_v", unit: "V", si_unit: "deg", si_per_v: 35 / 3 }]);
   assert.equal(units.shown("position_v", 3, 1), "35.0°");
   units.si = false;
   assert.equal(units.shown("position_v", 3, 1), "3.0 V");
+});
+
+test("a signal of another arm has its own unit, and decimals that suit its range", () => {
+  const units = new Units([
+    { name: "cart_mm", unit: "mm", si_unit: "m", si_per_v: 1e-3, low: -250, high: 250 },
+    { name: "strain", unit: "ustrain", si_unit: "1", si_per_v: 1e-6, low: null, high: null },
+  ]);
+  assert.equal(units.shown("cart_mm", 125, 1), "0.125 m");
+  assert.equal(units.shown("strain", 25), "0.000025");
+  assert.equal(units.listed(["cart_mm", "cart_mm"], true), "m");
+  units.si = false;
+  assert.equal(units.shown("cart_mm", 125, 1), "125.0 mm");
+  assert.deepEqual([80, 2, 0.05, 0].map(decimalsOf), [1, 2, 4, 0]);
+});
+
+test("a hand that turns a joint past half a turn goes on", () => {
+  assert.deepEqual([nextTo(-170, 170), nextTo(10, 0), nextTo(-10, 725)], [190, 10, 710]);
+  const [x, y] = ray(90, 2);
+  near(x, -2);
+  near(y, 0, 1e-12);
 });
 
 test("ticks are round numbers inside the bounds", () => {
@@ -182,19 +203,19 @@ test("a number field steps by a round part of its range", () => {
 test("figures of a first-order step are those of its equation", () => {
   const timesS = Array.from({ length: 5001 }, (_, k) => k / 1000);
   const found = stepFigures({
-    sizeV: 2,
+    size: 2,
     timesS,
-    positionV: timesS.map((t) => 2 * (1 - Math.exp(-t))),
-    strainV: timesS.map((t) => 0.3 * Math.sin(60 * Math.PI * t)),
+    output: timesS.map((t) => 2 * (1 - Math.exp(-t))),
+    swinging: timesS.map((t) => 0.3 * Math.sin(60 * Math.PI * t)),
   });
   near(found.settledS, Math.log(20), 2e-3);
-  near(found.errorV, 2 * Math.exp(-5));
-  near(found.swingV, 0.3 / Math.SQRT2, 2e-3);
+  near(found.error, 2 * Math.exp(-5));
+  near(found.swing, 0.3 / Math.SQRT2, 2e-3);
   assert.equal(found.overshoot, 0);
 });
 
 test("a step that has not settled says so", () => {
-  const found = stepFigures({ sizeV: 1, timesS: [0, 1, 2], positionV: [0, 1.2, 0.9], strainV: [0, 0, 0] });
+  const found = stepFigures({ size: 1, timesS: [0, 1, 2], output: [0, 1.2, 0.9], swinging: [0, 0, 0] });
   near(found.overshoot, 0.2);
   assert.equal(found.settledS, null);
 });

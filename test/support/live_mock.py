@@ -1,6 +1,6 @@
 """Mock of the live laboratory's server: the other side of the page, without ROS.
 
-`PYTHONPATH=test:src/flexarm_live:src/flexarm_core python -m support.live_mock` prints an address.
+`PYTHONPATH=test ./flexarm exec python -m support.live_mock` prints an address.
 """
 
 from __future__ import annotations
@@ -19,12 +19,24 @@ from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
 from flexarm_live.page_files import INDEX, page_files
-from support.live_mock_lab import MockArm, frame, greeting, identified, tuned, tuned_line
+from flexarm_live.serving.encoding import as_json
+from support.live_mock_lab import (
+    MockArm,
+    MockLinks,
+    frame,
+    greeting,
+    greeting_of,
+    identified,
+    tuned,
+    tuned_line,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from typing_extensions import Self
+
+    from flexarm_core.rig_description import RigDescription
 
 TOKEN = "mock"  # noqa: S105 - of no secret
 FRAMES_PER_S = 60
@@ -41,13 +53,22 @@ class Refusal(Exception):  # noqa: N818 - it is the reply
 
 
 class LiveMock:
-    """Server of the page with an arm of its own; `requests` holds what pages asked for."""
+    """Server of the page with an arm of its own, the thesis's or that of a description.
 
-    def __init__(self, rate_hz: float = 300.0, job_step_s: float = 0.03) -> None:
-        self.rate_hz = rate_hz
+    `requests` holds what pages asked for.
+    """
+
+    def __init__(
+        self,
+        rate_hz: float = 300.0,
+        job_step_s: float = 0.03,
+        rig: RigDescription | None = None,
+    ) -> None:
+        self.rate_hz = rate_hz if rig is None else rig.rate_hz
+        self.rig = rig
         self.job_step_s = job_step_s
         self.writing_s = 0.0
-        self.arm = MockArm(rate_hz)
+        self.arm: Any = MockArm(rate_hz) if rig is None else MockLinks(rig)
         self.requests: list[dict[str, Any]] = []
         self.files = page_files()
         self.badge = "DRIVING"
@@ -120,7 +141,7 @@ class LiveMock:
                     self._take(page, json.loads(text))
             return
         self.greets.wait()
-        _send(page, json.dumps(greeting(self.rate_hz, hand=hand)))
+        _send(page, as_json(self._greeting(hand=hand)))
         _send(page, json.dumps(self._state(page)))
         self._pages.append(page)
         try:
@@ -131,6 +152,13 @@ class LiveMock:
         finally:
             self._pages.remove(page)
             self._holder = None if self._holder is page else self._holder
+
+    def _greeting(self, *, hand: bool) -> dict[str, Any]:
+        return (
+            greeting(self.rate_hz, hand=hand)
+            if self.rig is None
+            else greeting_of(self.rig, hand=hand)
+        )
 
     def _take(self, page: ServerConnection, request: dict[str, Any]) -> None:
         self.requests.append(request | {"at_s": time.monotonic()})
@@ -154,7 +182,7 @@ class LiveMock:
     def _do(self, page: ServerConnection, request: dict[str, Any]) -> dict[str, Any] | None:
         verb = request["do"]
         jobs: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
-            "identify": identified,
+            "identify": self._identified,
             "tune": tuned,
             "experiment": self._recorded,
         }
@@ -189,7 +217,7 @@ class LiveMock:
         self.badge, self.arm.driven = "DRIVING", True
 
     def _do_reference(self, request: dict[str, Any]) -> None:
-        self.arm.reference_v = request["value_v"]
+        self.arm.move(request.get("joint", ""), request["value_v"])
 
     def _do_waveform(self, request: dict[str, Any]) -> None:
         self.waveform = request
@@ -233,6 +261,12 @@ class LiveMock:
 
     def _do_cancel(self, request: dict[str, Any]) -> None:
         self._cancelled.add(request["job"])
+
+    def _identified(self, request: dict[str, Any]) -> dict[str, Any]:
+        found = identified(request)
+        if self.rig is not None:
+            found["outputs"] = self.rig.output_names[: len(found["outputs"])]
+        return found
 
     def _recorded(self, request: dict[str, Any]) -> dict[str, Any]:
         self.bags.append(request["name"])
@@ -301,7 +335,7 @@ class LiveMock:
             "badge": self.badge,
             "reason": "",
             "law": self.arm.law,
-            "reference_v": self.arm.reference_v,
+            "references": self.arm.references,
             "factor": 1.0,
             "missed": 0,
             "unanswered": 0,
@@ -312,7 +346,7 @@ class LiveMock:
                 "late": counts,
                 "reply": [0, *counts[:-1]],
             },
-            "payload_kg": self.payload_kg,
+            "payload_kg": self.payload_kg if self.rig is None else None,
             "recording": self.recording,
             "waveform": self.waveform,
             "jobs": list(self.jobs),

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from flexarm_live.graph.about import about_arm
+
+if TYPE_CHECKING:
+    from flexarm_core.rig_description import RigDescription
 
 MAGIC = 0x464C5831
 SENSORS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
@@ -40,6 +45,46 @@ def parameter(name: str, value: object, kind: str, **about: object) -> dict[str,
     usual: dict[str, object] = {"unit": "", "low": None, "high": None, "choices": []}
     usual |= {"live": True, "read_only": False}
     return {"name": name, "value": value, "kind": kind} | usual | about
+
+
+THESIS_RIG = {
+    "name": "thesis",
+    "rate_hz": 300.0,
+    "inputs": [{"name": "command_v", "unit": "V", "low": -10.0, "high": 10.0}],
+    "outputs": [{"name": name, "unit": "V"} for name in SENSORS],
+    "joints": [
+        {
+            "name": "hub",
+            "input": "command_v",
+            "angle": "position_v",
+            "rate": "speed_v",
+            "low": -6.857,
+            "high": 6.857,
+            "unit": "V",
+            "slides": False,
+            "link_length_m": 1.0,
+            "reference": "reference_v",
+        }
+    ],
+    "tracked": [
+        {
+            "name": "reference_v",
+            "output": "position_v",
+            "joint": "hub",
+            "unit": "V",
+            "low": -6.857,
+            "high": 6.857,
+        }
+    ],
+}
+
+
+def greeting_of(rig: RigDescription, *, hand: bool) -> dict[str, Any]:
+    """Return the hello message of an arm that is not the thesis's."""
+    thesis = greeting(rig.rate_hz, hand=hand)
+    nodes = {"daq": thesis["nodes"]["daq"][1:], "controller": thesis["nodes"]["controller"]}
+    of_node = {"type": "hello", "version": 1, "hand": hand, "simulated": False, "nodes": nodes}
+    return of_node | {"rate_hz": rig.rate_hz} | about_arm(rig, simulated=False)
 
 
 def greeting(rate_hz: float, *, hand: bool) -> dict[str, Any]:
@@ -94,10 +139,11 @@ def greeting(rate_hz: float, *, hand: bool) -> dict[str, Any]:
                 "first": FIRST.tolist(),
                 "second": SECOND.tolist(),
             },
+            "gauges": ["base_strain_v", "middle_strain_v"],
             "gauge_stations": [0.02, 0.5],
             "strain_to_amplitude": np.linalg.inv(STRAIN_PER_MODE).tolist(),
         },
-        "reference": {"low_v": -6.857, "high_v": 6.857},
+        "rig": THESIS_RIG,
         "laws": ["pd", "pdpc"],
         "tunable_laws": ["pdpc", "pi"],
         "laws_with_margins": ["pdpc"],
@@ -126,6 +172,15 @@ class MockArm:
         self._bend = np.zeros((2, 2))
         self._random = np.random.default_rng(1)
 
+    @property
+    def references(self) -> list[float]:
+        """Set-point in force."""
+        return [self.reference_v]
+
+    def move(self, _: str, value: float) -> None:
+        """Take a set-point."""
+        self.reference_v = value
+
     def row(self) -> tuple[float, ...]:
         """Return the next sample: time, then all channels."""
         kp, kd = (self.gains[f"{self.law}.{name}"] for name in ("kp", "kd"))
@@ -144,6 +199,38 @@ class MockArm:
         compensation_v = 0.7 * math.copysign(1.0, command_v) if abs(command_v) > 0.1 else 0.0
         rest = (command_v, compensation_v, self.reference_v, self.sequence % 2**20)
         return (self.sequence * self.dt_s, *sensors, *rest)
+
+
+class MockLinks:
+    """Arm of a description, whose tracked outputs go to their set-points."""
+
+    def __init__(self, rig: RigDescription) -> None:
+        self.rig = rig
+        self.dt_s = 1.0 / rig.rate_hz
+        self.sequence = 0
+        self.references = [0.0] * len(rig.tracked)
+        self.gains = dict(GAINS)
+        self.law = "pd"
+        self.driven = True
+        self.fixed: tuple[float, ...] | None = None
+        self._outputs = dict.fromkeys(rig.output_names, 0.0)
+
+    def move(self, joint: str, value: float) -> None:
+        """Take the set-point of a joint; of the first one where none is named."""
+        angles = {each.name: each.angle for each in self.rig.joints}
+        name = angles.get(joint, joint) or self.rig.tracked[0]
+        self.references[self.rig.tracked.index(name)] = value
+
+    def row(self) -> tuple[float, ...]:
+        """Return the next sample: time, then all channels."""
+        for name, reference in zip(self.rig.tracked, self.references, strict=True):
+            if self.driven:
+                self._outputs[name] += 4.0 * self.dt_s * (reference - self._outputs[name])
+        self.sequence += 1
+        outputs = self.fixed or tuple(self._outputs.values())
+        inputs = [0.1 * each.high for each in self.rig.inputs]
+        rest = (*inputs, *(0.0 for _ in inputs), *self.references, self.sequence % 2**20)
+        return (self.sequence * self.dt_s, *outputs, *rest)
 
 
 def frame(rows: list[tuple[float, ...]]) -> bytes:

@@ -165,6 +165,7 @@ def _rig(rig: RigDescription, tracked: list[dict[str, Any]]) -> dict[str, Any]:
             {"name": each.name, "unit": each.unit, "low": each.low, "high": each.high}
             for each in rig.inputs
         ],
+        "outputs": [{"name": each.name, "unit": each.unit} for each in rig.outputs],
         "joints": [
             {
                 "name": joint.name,

@@ -130,6 +130,8 @@ export class Jobs {
   }
 }
 
+const listed = (signals) => signals.map(({ name, unit }) => `${name} (${unit})`).join(", ");
+
 /** Stages Record and Identify. */
 export class Chain {
   #recording = null;
@@ -138,6 +140,8 @@ export class Chain {
     Object.assign(this, { hello, link, jobs, identified, written, found });
     wireTabs();
     this.#wireRecord();
+    const { inputs, outputs } = hello.rig;
+    write(byId("signals"), `From ${listed(inputs)} to ${listed(outputs)}.`);
     for (const id of ["bag", "method", "order_wanted"]) byId(id).onchange = () => this.#tellIdentify();
     byId("identify").onclick = () => attempt(() => this.identify({}));
     this.refreshBags();
@@ -174,12 +178,12 @@ export class Chain {
   }
 
   #wireRecord() {
-    const { experiments } = this.hello;
+    const { experiments = [] } = this.hello;
     fillMenu(byId("experiment"), experiments.map(({ name }) => [name, name]));
     const tellExperiment = () => {
       const { name, description } = experiments.find((each) => each.name === byId("experiment").value) ?? {};
       write(byId("experiment_words"), description ?? "");
-      showCommand("record", `./flexarm experiment ${name ?? ""}`);
+      showCommand("record", name === undefined ? "" : `./flexarm experiment ${name}`);
     };
     byId("experiment").onchange = tellExperiment;
     tellExperiment();

@@ -15,7 +15,7 @@ const HANDLE_ALONG = 0.6;
 const DIAL = 0.3;
 // Beyond that angle an arm points back.
 const SIDEWAYS_DEG = 95;
-const WHOLE_BOX = "-1.25 -1.25 2.5 2.5";
+const MARGIN = 0.25;
 
 /** Drawing of the arm; each handle is a slider, whose value is the set-point of its joint. */
 export class LinksView {
@@ -72,11 +72,9 @@ export class LinksView {
   }
 
   #build() {
-    const sweepDeg = this.#joints.reduce(
-      (sum, { slides, low, high, factor }) => sum + (slides ? 0 : factor * Math.max(Math.abs(low), Math.abs(high))),
-      0,
-    );
-    if (sweepDeg > SIDEWAYS_DEG) this.node.setAttribute("viewBox", WHOLE_BOX);
+    const top = -1 - MARGIN;
+    this.node.setAttribute("viewBox", `${top} ${top} ${-2 * top} ${this.#behind() + MARGIN / 2 - top}`);
+    this.node.setAttribute("preserveAspectRatio", "xMidYMin");
     // Its handles are the sliders.
     for (const name of ["tabindex", "aria-valuemin", "aria-valuemax"]) this.node.removeAttribute(name);
     this.node.setAttribute("role", "group");
@@ -84,6 +82,17 @@ export class LinksView {
     const base = { dial: drawn("g"), goals: drawn("g"), links: drawn("g") };
     this.node.replaceChildren(...Object.values(base));
     this.#joints.reduce((before, joint) => this.#add(before, joint), base);
+  }
+
+  /** How far the arm may reach back. */
+  #behind() {
+    let [turnedDeg, left] = [0, 1];
+    for (const { slides, low, high, factor, length } of this.#joints) {
+      if (!slides) turnedDeg += factor * Math.max(Math.abs(low), Math.abs(high));
+      if (turnedDeg > SIDEWAYS_DEG) return left + MARGIN / 2;
+      left -= length;
+    }
+    return 0;
   }
 
   /** Add a joint at the end of the link before it; return the frames at the end of its own. */

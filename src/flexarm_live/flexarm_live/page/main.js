@@ -47,9 +47,12 @@ function furnish(hello) {
     found: (models) => tune.offer(models),
   });
   const isThesis = hello.arm !== undefined;
-  for (const part of document.querySelectorAll("[data-of=thesis]")) part.hidden = !isThesis;
+  for (const part of document.querySelectorAll("[data-of]")) part.hidden = (part.dataset.of === "thesis") !== isThesis;
   const arm = isThesis ? new ArmView(hello, units, setpoints[0]) : new LinksView(hello, units, setpoints);
-  if (!isThesis) write(byId("arm_title"), hello.rig.name);
+  if (!isThesis) {
+    write(byId("arm_title"), hello.rig.name);
+    write(byId("recording"), "The record has set-points, law and gains with their changes.");
+  }
   const views = { arm, traces: new Traces(hello, ring, units) };
   byId("stop").disabled = !hello.hand;
   write(byId("rate"), `${hello.rate_hz} Hz`);

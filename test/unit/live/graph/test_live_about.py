@@ -32,10 +32,10 @@ def rows(rig: RigDescription) -> dict[str, dict[str, Any]]:
 
 def test_thesis_arm___is_told___as_the_page_has_always_drawn_it() -> None:
     about = about_arm(load_rig("thesis"), simulated=True)
-    assert {
-        row["name"]: (row["unit"], row["si_unit"], pytest.approx(row["si_per_v"]), row["group"])
-        for row in about["channels"]
-    } == THESIS_ROWS
+    found = {row.pop("name"): tuple(row.values()) for row in about["channels"]}
+    assert list(found) == list(THESIS_ROWS)
+    for name, (*words, factor, group) in THESIS_ROWS.items():
+        assert found[name] == (*words, pytest.approx(factor), group)
     assert about["reference"] == pytest.approx({"low_v": -48.0 / 7.0, "high_v": 48.0 / 7.0})
     assert about["arm"]["gauges"] == ["base_strain_v", "middle_strain_v"]
     (joint,) = about["rig"]["joints"]

@@ -123,10 +123,10 @@ class Controller:
 
 
 def made_bridge(rig: RigDescription, folder: Path) -> tuple[Bridge, Controller]:
-    bridge = Bridge(SimpleNamespace(), folder, rig, "")  # type: ignore[arg-type]
+    bridge = Bridge(SimpleNamespace(), folder, rig, "")
     controller = Controller()
     bridge._calls = controller  # type: ignore[assignment]
-    bridge.outlet = SimpleNamespace(tell=lambda _: None, tell_state=lambda: None)  # type: ignore[assignment]
+    bridge.outlet = SimpleNamespace(tell=lambda _: None, tell_state=lambda: None)
     return bridge, controller
 
 
