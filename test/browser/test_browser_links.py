@@ -154,7 +154,7 @@ def test_parts_of_the_thesis___for_another_arm___are_hidden(
     browser: Browser, two_joints: LiveMock
 ) -> None:
     opened(browser, two_joints)
-    hidden = ("enlarged", "simulated", "waveform", "run_experiment", "tab_tune", "tip")
+    hidden = ("enlarged", "simulated", "waveform", "tab_tune", "tip")
     visible = [
         name
         for name in hidden

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from flexarm_control.laws.registry import LAWS
-from flexarm_core.channels import CHANNELS, TRAVEL_DEG, is_thesis_arm
+from flexarm_core.channels import CHANNELS, MAX_COMMAND_V, TRAVEL_DEG, is_thesis_arm
 from flexarm_daq.experiments.catalogue import catalogue
 from flexarm_daq.rigs.beam import ELEMENTS, arm_modes
 from flexarm_daq.rigs.faulty import Fault
@@ -51,7 +51,7 @@ def about_arm(rig: RigDescription, *, simulated: bool) -> dict[str, Any]:
     """Return the part of the first message that needs no node."""
     tracked = list(_tracked(rig))
     low, high = (tracked[0]["low"], tracked[0]["high"]) if tracked else (math.nan, math.nan)
-    about = {
+    about: dict[str, Any] = {
         "channels": _channels(rig),
         "rig": _rig(rig, tracked),
         "laws": list(LAWS),
@@ -59,7 +59,7 @@ def about_arm(rig: RigDescription, *, simulated: bool) -> dict[str, Any]:
         "reference": {"low_v": low, "high_v": high},
     }
     if not is_thesis_arm(rig):
-        return about
+        return about | {"experiments": [_scaled(rig, each) for each in _open_loop()]}
     return about | {
         "arm": _arm(),
         "tunable_laws": [name for name, law in LAWS.items() if law.tuning],
@@ -211,6 +211,22 @@ def _experiment(entry: Experiment) -> str:
         f"{loop} loop: {entry.input_text}, {entry.length_s:g} s at {entry.rate_hz:g} Hz, "
         f"{1e3 * entry.payload_kg:.0f} g"
     )
+
+
+def _open_loop() -> Iterator[Experiment]:
+    return (each for each in catalogue().values() if not each.closed_loop)
+
+
+def _scaled(rig: RigDescription, entry: Experiment) -> dict[str, str]:
+    """Return an experiment whose waveform the limits of the inputs scale."""
+    part = entry.magnitude_v / MAX_COMMAND_V
+    return {
+        "name": entry.name,
+        "description": (
+            f"open loop: {entry.waveform.replace('_', ' ')} of {100.0 * part:.0f} % of the limits, "
+            f"{entry.length_s:g} s at {rig.rate_hz:g} Hz"
+        ),
+    }
 
 
 def _fault(name: str, description: str) -> dict[str, str]:

@@ -100,7 +100,7 @@ class Bridge:
         self._store = Store(folder)
         self._jobs = Jobs(self._tell)
         self._chain = Chain(
-            self._store, self.loop, held=lambda: self.situation.held(time.monotonic())
+            self._store, self.loop, lambda: self.situation.held(time.monotonic()), rig
         )
         self._commands = 0
         self._recording: str | None = None
@@ -319,7 +319,6 @@ class Bridge:
         return Answer(data={"params": shown[node]} if node else {"nodes": shown})
 
     async def _on_experiment(self, name: str) -> Answer:
-        self._require_thesis("experiment")
         work = self._chain.experiment(name, self._on_record, lambda: self.samples.newest)
         number = self._jobs.start(EXPERIMENT, work, left="what was recorded is kept")
         return Answer(f"experiment {name} runs", {"job": number})
@@ -329,7 +328,8 @@ class Bridge:
         return Answer(f"identifying {asked['bag']}", {"job": number})
 
     async def _on_tune(self, law: str, models: list[str], **margins: float) -> Answer:
-        self._require_thesis("tune")
+        if not is_thesis_arm(self._rig):
+            raise FlexarmError(f"tune: {self._rig.name} is another arm than the thesis's")
         number = self._jobs.start("tune", self._chain.tuning(law, models, margins))
         return Answer(f"tuning {law}", {"job": number})
 
@@ -355,10 +355,6 @@ class Bridge:
         if node not in every:
             raise FlexarmError(f"no node {node!r}{nearest(node, every)}")
         return every[node]
-
-    def _require_thesis(self, what: str) -> None:
-        if not is_thesis_arm(self._rig):
-            raise FlexarmError(f"{what}: {self._rig.name} is another arm than the thesis's")
 
     def _require_simulated(self, what: str) -> None:
         if not self.loop.simulated:

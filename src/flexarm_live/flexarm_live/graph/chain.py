@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.loop_setup import TOPIC
+from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 from flexarm_core.patience import Patience
@@ -19,6 +20,7 @@ from flexarm_live.graph.situation import EXPERIMENT
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
+    from flexarm_core.rig_description import RigDescription
     from flexarm_daq.experiments.catalogue import Experiment
     from flexarm_live.graph.jobs import Work
     from flexarm_live.graph.loop_nodes import LoopNodes
@@ -36,7 +38,10 @@ _NOMINAL = "nominal:"
 class Chain:
     """Work of the jobs of one laboratory."""
 
-    def __init__(self, store: Store, loop: LoopNodes, held: Callable[[], str]) -> None:
+    def __init__(
+        self, store: Store, loop: LoopNodes, held: Callable[[], str], rig: RigDescription
+    ) -> None:
+        self._rig = rig
         self._store = store
         self._loop = loop
         self._held = held
@@ -49,7 +54,8 @@ class Chain:
         """Return the work of a recorded experiment.
 
         In open loop the node `experiment` commands in the controller's place. A stop ends the
-        experiment, and the drive stays held until it is released.
+        experiment, and the drive stays held until it is released. Another arm than the thesis's has
+        those in open loop, at its own rate.
 
         Parameters
         ----------
@@ -61,7 +67,17 @@ class Chain:
             Returns the number of the newest sample.
         """
         entry = experiment(name)
-        rig = {"rate_hz": float(entry.rate_hz), "payload_kg": float(entry.payload_kg)}
+        rig: dict[str, float] = {}
+        samples = entry.samples
+        if is_thesis_arm(self._rig):
+            rig = {"rate_hz": float(entry.rate_hz), "payload_kg": float(entry.payload_kg)}
+        elif entry.closed_loop:
+            raise FlexarmError(
+                f"experiment {name}: its law is one of the thesis's arm, and {self._rig.name} is "
+                "another: choose one in open loop"
+            )
+        else:
+            samples = round(entry.length_s * self._rig.rate_hz)
 
         async def work(report: Report) -> Mapping[str, Any]:
             if reason := self._held():
@@ -78,8 +94,8 @@ class Chain:
                 await self._give_command(entry)
                 bag = (await record(True)).data  # noqa: FBT003 - a field of a request
                 try:
-                    await self._loop.restart_sampling(rig, samples=entry.samples)
-                    await self._sampled(entry.samples, newest, report)
+                    await self._loop.restart_sampling(rig, samples=samples)
+                    await self._sampled(samples, newest, report)
                 finally:
                     await asyncio.shield(record(False))  # noqa: FBT003 - a field of a request
             finally:

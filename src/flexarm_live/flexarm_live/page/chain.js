@@ -20,8 +20,9 @@ function wireTabs() {
   byId("stages").onkeydown = ({ key }) => {
     const step = { ArrowRight: 1, ArrowLeft: -1 }[key];
     if (step === undefined) return;
-    const shown = STAGES.findIndex((stage) => byId(`tab_${stage}`).tabIndex === 0);
-    const next = STAGES[(shown + step + STAGES.length) % STAGES.length];
+    const offered = STAGES.filter((stage) => !byId(`tab_${stage}`).hidden);
+    const shown = offered.findIndex((stage) => byId(`tab_${stage}`).tabIndex === 0);
+    const next = offered[(shown + step + offered.length) % offered.length];
     showStage(next);
     byId(`tab_${next}`).focus();
   };
@@ -178,12 +179,13 @@ export class Chain {
   }
 
   #wireRecord() {
-    const { experiments = [] } = this.hello;
+    const { experiments } = this.hello;
     fillMenu(byId("experiment"), experiments.map(({ name }) => [name, name]));
     const tellExperiment = () => {
       const { name, description } = experiments.find((each) => each.name === byId("experiment").value) ?? {};
       write(byId("experiment_words"), description ?? "");
-      showCommand("record", name === undefined ? "" : `./flexarm experiment ${name}`);
+      // In a terminal it has a laboratory of its own, that of the thesis's arm.
+      showCommand("record", this.hello.arm === undefined ? "" : `./flexarm experiment ${name ?? ""}`);
     };
     byId("experiment").onchange = tellExperiment;
     tellExperiment();

@@ -75,10 +75,14 @@ function lose(reason) {
   showBadge("STALE", reason);
 }
 
-function wireUnits(units, { joints, inputs, tracked }) {
+function wireUnits(units, { joints, inputs, outputs, tracked }) {
   const telling = [...joints.map(({ angle }) => angle), ...inputs.map(({ name }) => name)];
-  write(byId("units_si"), units.listed(telling, true));
-  write(byId("units_v"), units.listed(telling, false));
+  const every = [...outputs, ...inputs].map(({ name }) => name);
+  const words = (names) => [true, false].map((si) => units.listed(names, si));
+  const [si, own] = words(telling)[0] === words(telling)[1] ? words(every) : words(telling);
+  write(byId("units_si"), si);
+  write(byId("units_v"), own);
+  byId("units_si").parentElement.hidden = si === own;
   const choose = (si) => {
     units.si = si;
     byId("units_si").setAttribute("aria-pressed", `${si}`);

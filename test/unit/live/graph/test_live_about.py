@@ -87,7 +87,8 @@ def test_channel___of_a_joint___ends_with_its_travel() -> None:
 
 def test_another_arm___has___its_joints_and_no_part_of_the_thesis() -> None:
     about = about_arm(TWO_JOINTS, simulated=False)
-    assert {"arm", "faults", "experiments", "tunable_laws"} & set(about) == set()
+    assert {"arm", "faults", "tunable_laws"} & set(about) == set()
+    assert [each["name"] for each in about["experiments"]][:2] == ["O_dat1", "O_dat2"]
     shoulder, elbow = about["rig"]["joints"]
     assert (shoulder["name"], shoulder["unit"], shoulder["link_length_m"]) == (
         "shoulder",

@@ -195,7 +195,7 @@ def test_release___of_another_arm___leaves_each_set_point_where_it_is(
 @pytest.mark.parametrize(
     "request_",
     [
-        '{"do": "experiment", "name": "C_dat1"}',
+        '{"do": "experiment", "name": "C_dat3"}',
         '{"do": "tune", "law": "pdpc", "models": ["nominal:0"]}',
         '{"do": "payload", "kg": 0.1}',
         '{"do": "fault", "name": "none"}',
@@ -204,6 +204,6 @@ def test_release___of_another_arm___leaves_each_set_point_where_it_is(
 def test_part_of_the_thesis___asked_of_another_arm___is_refused(
     tmp_path: Path, request_: str
 ) -> None:
-    bridge, _ = made_bridge(ONE_JOINT, tmp_path)
-    with pytest.raises(FlexarmError, match=r"another arm than the thesis's|only the simulated arm"):
+    bridge, _ = made_bridge(TWO_JOINTS, tmp_path)
+    with pytest.raises(FlexarmError, match=r"two-joints is another|only the simulated arm"):
         asyncio.run(bridge.carry_out(parse(request_)))

@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from flexarm_core.errors import FlexarmError
+from flexarm_core.rig_description import load_rig
 from flexarm_live.graph.chain import Chain
 from flexarm_live.graph.store import Store
 from flexarm_live.serving.laboratory import Answer
+from support.foreign_rigs import ONE_JOINT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
+
+    from flexarm_core.rig_description import RigDescription
 
 HELD = "the drive is held at zero: emergency stop"
 
@@ -72,10 +76,11 @@ class NotedLoop:
 class Bench:
     """Chain on such a loop; `held` is what the drive is held for, from the first sample on."""
 
-    def __init__(self, folder: Path, held: str = "") -> None:
+    def __init__(self, folder: Path, held: str = "", rig: RigDescription | None = None) -> None:
         self.loop = NotedLoop()
         self._held = held
-        self.chain = Chain(Store(folder), self.loop, self._held_now)  # type: ignore[arg-type]
+        rig = rig or load_rig("thesis")
+        self.chain = Chain(Store(folder), self.loop, self._held_now, rig)  # type: ignore[arg-type]
 
     def _held_now(self) -> str:
         return self._held if self.loop.runs else ""
@@ -117,6 +122,14 @@ def test_experiment_in_open_loop___has_the_command_alone___and_gives_it_back(
     there, back = bench.loop.runs
     assert there == ({"rate_hz": 500.0, "payload_kg": 0.0}, 5000)
     assert back == ({"rate_hz": 250.0, "payload_kg": 0.1}, 0)
+
+
+def test_experiment_of_another_arm___has_its_length_at_the_rate_of_the_arm(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, rig=ONE_JOINT)
+    bench.run("O_dat4")
+    there, back = bench.loop.runs
+    assert there == ({}, 2000)
+    assert back == ({}, 0)
 
 
 @pytest.mark.parametrize("name", ["O_dat4", "C_dat3"])
