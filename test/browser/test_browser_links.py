@@ -53,7 +53,7 @@ def test_links___are_drawn___each_turned_as_the_one_before_it(
         two_joints.arm.fixed = (shoulder_deg * COUNTS_PER_DEG, elbow_rad, 0.0, 0.0, 0.0)
         wanted = pointing(shoulder_deg, SHOULDER)
         wanted += pointing(shoulder_deg + math.degrees(elbow_rad), ELBOW)
-        wait_until(lambda end=wanted: abs(tip(browser) - end) < 0.01, f"tip at {wanted}")  # type: ignore[misc]
+        wait_until(lambda end=wanted: abs(tip(browser) - end) < 0.01, f"tip at {wanted}")
     figures = browser.ask(
         "[...document.querySelectorAll('#arm_figures dd')].map((node) => node.textContent)"
     )
