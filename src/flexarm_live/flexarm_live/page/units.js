@@ -57,9 +57,10 @@ export class Units extends EventTarget {
   shown(name, value, decimals = 2) {
     const unit = this.unit(name);
     const number = value * this.factor(name);
-    const { low, high } = this.channels.get(name);
-    // The thesis's arm states no range: so many decimals serve all of its signals.
-    const finest = low === undefined ? decimals : Math.max(decimals, decimalsOf(this.#full(name) ?? number));
+    const { low } = this.channels.get(name);
+    // So many decimals serve degrees, and all signals of the thesis's arm, which states no range.
+    const isUsual = low === undefined || unit.startsWith("°");
+    const finest = isUsual ? decimals : Math.max(decimals, decimalsOf(this.#full(name) ?? number));
     return `${figure(number, finest)}${unit === "°" || unit === "" ? "" : " "}${unit}`;
   }
 
