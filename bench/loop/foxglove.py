@@ -86,7 +86,7 @@ def measured(rate_hz: float, seconds: float, log: Path) -> Figures:
     parameters: dict[str, dict[str, Any]] = {
         "daq": {"rate_hz": rate_hz},
         "controller": {"law": "pdpc", "reference": "varying_square"},
-        FOXGLOVE_NODE: foxglove_parameters(port),
+        FOXGLOVE_NODE: foxglove_parameters(port, "thesis"),
     }
     nodes = (*LABORATORY, FOXGLOVE_NODE)
     with running_graph(parameters, log, nodes=nodes) as (operator, processes):

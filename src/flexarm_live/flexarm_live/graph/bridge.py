@@ -56,8 +56,8 @@ _NODES_OF: Mapping[str, tuple[str, ...]] = {
 # A drive is taken to zero, and a run begun anew, however long that takes.
 _WAITED_FOR = frozenset({"stop", "release", "deactivate", "fault"})
 _RECORD_S = 30.0
-_TWIN = "twin"
-"""Driver whose runs begin at rest, as those of the simulated arm."""
+_BEGIN_AT_REST = ("mujoco", "twin")
+"""Drivers whose runs begin at rest, as those of the simulated arm."""
 
 
 class Bridge:
@@ -203,16 +203,23 @@ class Bridge:
     async def _on_release(self) -> Answer:
         """Begin a new run with the set-points where the arm is: it shall not jump."""
         await self._end_waveform()
-        measured = dict(zip(self._rig.output_names, self.samples.outputs, strict=True))
-        # A run of a simulated arm begins at rest in the middle.
-        begins_at_rest = self.loop.simulated or self._rig.driver == _TWIN
-        here = {name: 0.0 if begins_at_rest else measured[name] for name in self._rig.tracked}
+        here = self._starting_references()
         await self.loop.deactivate("daq")
         for name, value in here.items():
             await self._on_reference(value, name)
         await self.loop.restart_sampling()
         words = ", ".join(f"{value:.3g} {self._unit(name)}" for name, value in here.items())
         return Answer("sampling again" + (f", the set-point is {words}" if words else ""))
+
+    def _starting_references(self) -> dict[str, float]:
+        """Return where a new run begins, by the tracked outputs, within the travel of each."""
+        measured = dict(zip(self._rig.output_names, self.samples.outputs, strict=True))
+        # A run of a simulated arm begins at rest in the middle.
+        if self.loop.simulated or self._rig.driver in _BEGIN_AT_REST:
+            measured = dict.fromkeys(measured, 0.0)
+        joints = {each.angle: each for each in self._rig.joints}
+        ends = {name: joints.get(name) or self._rig.output(name) for name in self._rig.tracked}
+        return {name: min(max(measured[name], at.low), at.high) for name, at in ends.items()}
 
     async def _on_activate(self, node: str = "") -> Answer:
         # The controller first: the DAQ node waits for it.

@@ -161,6 +161,7 @@ def test_set_point___without_a_joint___is_that_of_the_first(tmp_path: Path) -> N
             (100.0, -0.5, 0.0, 0.0, 0.0),
             [("shoulder_count", 100.0), ("elbow_rad", -0.5)],
         ),
+        (TWO_JOINTS, (2000.0, -3.0, *[0.0] * 3), [("shoulder_count", 1024.0), ("elbow_rad", -1.5)]),
         # A twin begins at rest, wherever it was before.
         (ONE_JOINT, (20.0, 0.0), [("hub_deg", 0.0)]),
     ],

@@ -227,7 +227,7 @@ def _run_graph(settings: _Settings, *, is_thesis: bool) -> None:
         parameters[PAGE_NODE] = settings.page.parameters() | rig
     if settings.foxglove_port is not None:
         nodes = (*nodes, FOXGLOVE_NODE)
-        parameters[FOXGLOVE_NODE] = foxglove_parameters(settings.foxglove_port)
+        parameters[FOXGLOVE_NODE] = foxglove_parameters(settings.foxglove_port, settings.rig)
     with TemporaryDirectory(prefix="flexarm_") as folder:
         log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
         complaints = _Complaints(log)

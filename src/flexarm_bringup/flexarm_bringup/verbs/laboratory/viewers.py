@@ -8,6 +8,8 @@ import click
 
 from flexarm_bags.schema import share_of
 from flexarm_bringup.verbs.laboratory.live_page import Address
+from flexarm_core.channels import is_thesis_arm
+from flexarm_core.rig_description import load_rig
 from flexarm_live.serving.foxglove_server import USUAL_PORT
 
 if TYPE_CHECKING:
@@ -26,8 +28,13 @@ FOXGLOVE = click.option(
 )
 
 
-def foxglove_parameters(port: int) -> dict[str, Any]:
-    """Return the parameters of the node, with the arm's description where the package has it."""
+def foxglove_parameters(port: int, rig: str) -> dict[str, Any]:
+    """Return the parameters of the node, with the shape of the arm.
+
+    That of the thesis's arm is a file, where the package has it.
+    """
+    if not is_thesis_arm(load_rig(rig)):
+        return {"port": port, "rig": rig}
     share = share_of("flexarm_bringup")
     return {"port": port} | ({} if share is None else {"urdf": share / "urdf" / "flexarm.urdf"})
 
