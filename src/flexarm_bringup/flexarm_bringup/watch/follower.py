@@ -77,9 +77,7 @@ class Follower:
                 f"{one_line(error)}: start it with ./flexarm up, without --no-page (one that has "
                 "lost its page is ended by Ctrl-C first), or name its --namespace or ROS_DOMAIN_ID"
             ) from error
-        self.units = Units(hello["channels"])
-        reference = hello["reference"]
-        self._low_v, self._high_v = reference["low_v"], reference["high_v"]
+        self.units = Units(hello)
         _start(self._follow)
         return self
 
@@ -107,16 +105,23 @@ class Follower:
         self._command(released)
 
     def move_by(self, degrees: float) -> None:
-        """Move the set-point, degrees."""
+        """Move the first set-point, degrees; of one that is no angle as many per cent of it."""
         is_ours = time.monotonic() - self._moved_s < _OWN_WORD_S
         here_v = self._moved_v if is_ours else self.state.get("reference_v") or 0.0
-        self.move_to(here_v + degrees / self.units.per_v("reference_v"))
+        for first in self.units.set_points[:1]:
+            low, high = _ends(first)
+            percent = (high - low) / 100.0 if math.isfinite(high - low) else 1.0
+            name = first["name"]
+            degree = 1.0 / self.units.per_v(name) if self.units.is_angle(name) else percent
+            self.move_to(here_v + degrees * degree)
 
     def move_to(self, wanted_v: float) -> None:
-        """Move the set-point, V, within the travel."""
-        self._moved_v = min(self._high_v, max(self._low_v, wanted_v))
-        self._moved_s = time.monotonic()
-        self._news.set()
+        """Move the first set-point, in its own unit, within the travel."""
+        for first in self.units.set_points[:1]:
+            low, high = _ends(first)
+            self._moved_v = min(high, max(low, wanted_v))
+            self._moved_s = time.monotonic()
+            self._news.set()
 
     def _command(self, command: Callable[[], str]) -> None:
         def carry_out() -> None:
@@ -149,8 +154,10 @@ class Follower:
 
     def _send(self, hand: LiveHand, wanted_v: float) -> None:
         try:
-            in_force = hand.reference(wanted_v)
-            words = [f"set-point {self.units.shown('reference_v', in_force.value)}", in_force.note]
+            first, *others = self.units.set_points
+            in_force = hand.reference(wanted_v, first["joint"] if others else "")
+            shown = self.units.shown(first["name"], in_force.value)
+            words = [f"set-point {shown}", in_force.note]
             self.note = ": ".join(filter(None, words))
         except NoAnswerError:
             raise
@@ -162,6 +169,12 @@ class Follower:
         found = hand.ask("samples", after=self._taken).data
         self._taken = found["taken"]
         self.history.add(found["t_s"], found["values"])
+
+
+def _ends(set_point: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the travel of a set-point; an end that is not known is none."""
+    low, high = set_point["low"], set_point["high"]
+    return (-math.inf if low is None else low), (math.inf if high is None else high)
 
 
 def _start(work: Callable[[], None]) -> None:

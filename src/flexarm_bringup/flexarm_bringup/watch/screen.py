@@ -15,19 +15,9 @@ if TYPE_CHECKING:
 KEYS = "space STOP   r release   arrows set-point 1 deg, Shift 5, PgUp PgDn 10   q quit"
 GONE = "GONE"
 """Badge of an arm that does not answer."""
-_TRACES = {
-    "position_v": "position",
-    "base_strain_v": "base",
-    "middle_strain_v": "middle",
-    "speed_v": "speed",
-    "command_v": "command",
-}
-_BESIDE = {
-    "position_v": ("reference_v", "set-point"),
-    "command_v": ("compensation_v", "of it comp."),
-}
 _HEAD_ROWS = 4
 _FOOT_ROWS = 2
+_TITLE_WIDTH = 11
 _LABEL_WIDTH = 26
 _SCALE_WIDTH = 8
 _LEAST_SPAN_V = 0.1
@@ -44,18 +34,52 @@ class Piece(NamedTuple):
 
 
 class Units:
-    """Units of the channels, as the server tells them."""
+    """Units of the channels, as the server tells them.
 
-    def __init__(self, channels: list[Mapping[str, Any]]) -> None:
-        self._channels = {channel["name"]: channel for channel in channels}
+    Parameters
+    ----------
+    hello : mapping
+        What the server says of the arm.
+
+    Attributes
+    ----------
+    traces : dict of str to str
+        Title of each output and command.
+    beside : dict of str to (str, str)
+        Set-point or compensation that belongs to one of them, with its title.
+    set_points : list of mapping
+        Name, joint and travel of each set-point; the keys move the first.
+    """
+
+    def __init__(self, hello: Mapping[str, Any]) -> None:
+        self._channels = {channel["name"]: channel for channel in hello["channels"]}
+        rig = hello["rig"]
+        inputs = [each["name"] for each in rig["inputs"]]
+        signals = [*(each["name"] for each in rig["outputs"]), *inputs]
+        self.traces = {name: _title(name) for name in signals}
+        self.set_points: list[Mapping[str, Any]] = rig["tracked"]
+        self.beside = {each["output"]: (each["name"], "set-point") for each in self.set_points}
+        compensations = list(self._channels)[len(signals) :]
+        self.beside |= {
+            name: (compensation, "of it comp.")
+            for name, compensation in zip(inputs, compensations, strict=False)
+        }
 
     def per_v(self, name: str) -> float:
-        """Return how much of its unit a volt of a channel is."""
+        """Return how much of the unit that is shown one own unit of a channel is."""
         return float(self._channels[name]["si_per_v"])
+
+    def is_angle(self, name: str) -> bool:
+        """Return whether a channel is shown in degrees."""
+        return bool(self._channels[name]["si_unit"] == "deg")
 
     def shown(self, name: str, volts: float) -> str:
         """Return a value with its unit."""
         return f"{number(volts * self.per_v(name), '+.2f')} {self._channels[name]['si_unit']}"
+
+
+def _title(name: str) -> str:
+    return name.removesuffix("_v").replace("_strain", "").replace("_", " ")[:_TITLE_WIDTH]
 
 
 def number(value: float | None, form: str) -> str:
@@ -79,7 +103,7 @@ def loop_words(state: Mapping[str, Any]) -> str:
 
 def plain_line(state: Mapping[str, Any], history: History, units: Units) -> str:
     """Return state and newest sample for one line of a file."""
-    names = {**_TRACES, "reference_v": "set-point"}
+    names = {**units.traces, **{each["name"]: "set-point" for each in units.set_points}}
     newest = [
         f"{title} {units.shown(name, history.newest[name])}"
         for name, title in names.items()
@@ -123,17 +147,19 @@ def _percentiles(times_ms: Mapping[str, float | None]) -> str:
 
 
 def _traces(history: History, units: Units, rows: int, columns: int) -> Iterator[Piece]:
-    height = rows // len(_TRACES)
+    height = rows // len(units.traces)
     width = columns - _LABEL_WIDTH - _SCALE_WIDTH
     if height < 1 or width < 1:
         yield Piece(_HEAD_ROWS, 0, "the window is too small for traces")
         return
-    for place, (name, title) in enumerate(_TRACES.items()):
+    for place, (name, title) in enumerate(units.traces.items()):
         top = _HEAD_ROWS + place * height
-        labels = [(name, title), *([_BESIDE[name]] if name in _BESIDE else [])]
+        labels = [(name, title), *([units.beside[name]] if name in units.beside else [])]
         for row, (each, words) in enumerate(labels[:height]):
             value = units.shown(each, history.newest.get(each, math.nan))
-            yield Piece(top + row, 0, f"{words:11s} {value:>13s}", "" if row else "strong")
+            yield Piece(
+                top + row, 0, f"{words:{_TITLE_WIDTH}s} {value:>13s}", "" if row else "strong"
+            )
         bands = history.bands(name, COLUMNS_A_CHARACTER * width)
         scale = span(bands, _LEAST_SPAN_V)
         for row, line in enumerate(sparkline(bands, scale, height)):

@@ -10,7 +10,8 @@ import pytest
 from flexarm_bringup.watch.history import History
 from flexarm_bringup.watch.screen import Units, plain_line, screen
 from flexarm_core.rig_description import load_rig
-from flexarm_live.graph.about import about_arm
+from flexarm_live.graph.about import about_arm, columns_of
+from support.foreign_rigs import TWO_JOINTS
 
 STATE: dict[str, Any] = {
     "badge": "DRIVING",
@@ -27,7 +28,7 @@ STATE: dict[str, Any] = {
 
 @pytest.fixture
 def units() -> Units:
-    return Units(about_arm(load_rig("thesis"), simulated=True)["channels"])
+    return Units(about_arm(load_rig("thesis"), simulated=True))
 
 
 @pytest.fixture
@@ -72,3 +73,16 @@ def test_plain_line___tells___state_values_and_loop(history: History, units: Uni
     assert line.startswith("DRIVING; position +35.00 deg; ")
     assert "set-point +35.00 deg; law pdpc" in line
     assert plain_line({}, History(), units).endswith("missed -  unanswered -")
+
+
+def test_screen___of_another_arm___has_its_signals_in_their_units() -> None:
+    units = Units(about_arm(TWO_JOINTS, simulated=False))
+    history = History()
+    history.add([0.0], {name: [512.0] for name in columns_of(TWO_JOINTS)})
+    texts = [piece.text.strip() for piece in screen({}, history, units, "", (60, 100))]
+    shown = [" ".join(text.split()) for text in texts]
+    assert "shoulder co +45.00 deg" in shown
+    assert "elbow rad p +29335.44 deg/s" in shown
+    assert "light +512.00 lux" in shown
+    assert shown.count("set-point +45.00 deg") == 1
+    assert "of it comp. +1024.00 N m" in shown
