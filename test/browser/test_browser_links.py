@@ -54,11 +54,8 @@ def test_links___are_drawn___each_turned_as_the_one_before_it(
         wanted = pointing(shoulder_deg, SHOULDER)
         wanted += pointing(shoulder_deg + math.degrees(elbow_rad), ELBOW)
         wait_until(lambda end=wanted: abs(tip(browser) - end) < 0.01, f"tip at {wanted}")
-    figures = browser.ask(
-        "[...document.querySelectorAll('#arm_figures dd')].map((node) => node.textContent)"
-    )
-    assert figures[0].endswith("75.0°")
-    assert figures[2] == "108.9°"
+    figures = "[...document.querySelectorAll('#arm_figures dd')].map((node) => node.textContent)"
+    browser.wait_for(f"{figures}.join() === '\u221275.0°,0.0°,108.9°,0.0°'")
 
 
 @pytest.mark.parametrize(
@@ -104,6 +101,20 @@ def test_handle___in_focus___moves_by_keys_and_tells_its_value(
         math.degrees(2.0), abs=1e-3
     )
     assert two_joints.arm.references[0] == 0.0
+
+
+def test_set_point___that_nobody_gave___is_where_the_arm_is(
+    browser: Browser, two_joints: LiveMock
+) -> None:
+    two_joints.arm.references = [math.nan, math.nan]
+    two_joints.arm.fixed = (20.0 * COUNTS_PER_DEG, 0.5, 0.0, 0.0, 0.0)
+    opened(browser, two_joints)
+    browser.wait_for("document.getElementById('setpoint_value').value === '20.00'")
+    browser.ask("document.querySelector('#arm .ghost').focus()")
+    browser.press("ArrowLeft")
+    wait_until(
+        lambda: two_joints.arm.references[0] == pytest.approx(21.0 * COUNTS_PER_DEG, rel=1e-6)
+    )
 
 
 def test_set_points___by_their_fields___stay_within_the_travel_of_each(

@@ -117,7 +117,7 @@ class LiveMock:
     def tell_state(self) -> None:
         """Tell every page the state."""
         for page in list(self._pages):
-            _send(page, json.dumps(self._state(page)))
+            _send(page, as_json(self._state(page)))
 
     def _serve_file(self, _: ServerConnection, request: Request) -> Response | None:
         path = request.path.partition("?")[0]
@@ -142,7 +142,7 @@ class LiveMock:
             return
         self.greets.wait()
         _send(page, as_json(self._greeting(hand=hand)))
-        _send(page, json.dumps(self._state(page)))
+        _send(page, as_json(self._state(page)))
         self._pages.append(page)
         try:
             for text in page:

@@ -90,9 +90,9 @@ export class Setpoint {
     this.set(this.value + (event.shiftKey ? 5 : 1) * steps * this.keyStep);
   }
 
-  /** Take over what the server says is in force. */
-  follow({ references }) {
-    const inForce = references[this.place];
+  /** Take over what the server says is in force; before the first one, where the arm is. */
+  follow({ references }, ring) {
+    const inForce = Number.isFinite(references[this.place]) ? references[this.place] : ring.newest(this.output);
     const isOld = performance.now() - this.#movedMs > OWN_WORD_MS;
     if (isOld && Number.isFinite(inForce)) this.#show(inForce);
   }

@@ -43,12 +43,13 @@ export class LinksView {
 
   /** Draw the newest sample. */
   draw(ring) {
-    for (const { angle, reference, factor, slides, links, goals, ghost } of this.#joints) {
+    for (const { angle, reference, factor, slides, links, goals } of this.#joints) {
       const here = ring.newest(angle) * factor;
-      const goal = reference === null ? here : ring.newest(reference) * factor;
+      const known = reference === null ? NaN : ring.newest(reference) * factor;
+      // An arm that nobody gave a set-point stays where it is.
+      const goal = Number.isFinite(known) ? known : here;
       const move = (value) => (slides ? `translate(${-value},0)` : `rotate(${-value})`);
       if (Number.isFinite(here)) links.setAttribute("transform", move(here));
-      ghost?.toggleAttribute("hidden", !Number.isFinite(goal));
       if (Number.isFinite(goal)) goals.setAttribute("transform", move(goal));
     }
     const [first] = this.#joints;

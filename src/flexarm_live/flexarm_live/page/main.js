@@ -116,7 +116,8 @@ link.addEventListener("state", ({ detail: state }) => {
   showBadge(state.badge, state.reason);
   showPower(state);
   showLoop(state, room.ring.lost);
-  for (const part of [...room.setpoints, room.hold, room.wave, room.chain]) part.follow(state);
+  for (const setpoint of room.setpoints) setpoint.follow(state, room.ring);
+  for (const part of [room.hold, room.wave, room.chain]) part.follow(state);
   room.parameters.followPayload(state.payload_kg);
   if (room.law.follow(state)) room.parameters.showLaw(state.law);
 });
