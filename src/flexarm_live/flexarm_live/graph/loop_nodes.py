@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from flexarm_live.graph.calls import Calls
     from flexarm_live.graph.situation import Situation
-    from flexarm_node.topics.codecs import Codec
+    from flexarm_node.codecs import Codec
 
 LOOP_NODES = ("daq", "controller")
 _SIMULATED = ("simulated", "thesis")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flexarm_live.graph.about import SEQUENCE_SPAN, columns_of
-from flexarm_node.topics.codecs import codec_of
+from flexarm_node.codecs import codec_of
 from flexarm_node.topics.waiting import message_of
 
 if TYPE_CHECKING:

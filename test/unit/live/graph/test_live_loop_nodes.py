@@ -14,7 +14,7 @@ from flexarm_core.rig_description import load_rig
 from flexarm_live.graph.calls import CallError
 from flexarm_live.graph.loop_nodes import LoopNodes
 from flexarm_live.graph.situation import Situation
-from flexarm_node.topics.codecs import codec_of
+from flexarm_node.codecs import codec_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
