@@ -105,8 +105,9 @@ class SimulationError:
 
         A, B = self.arm.discrete(theta, self.dt_s)
         laws = self.arm.laws(theta)
+        still = np.zeros((self.arm.inputs, 2))
         return [
-            run(A, B, self.arm.speed, laws, *self._driven(theta, record))[0]
+            run(A, B, self.arm.speed, laws, still, *self._driven(theta, record))[0]
             for record in range(len(self.parts))
         ]
 

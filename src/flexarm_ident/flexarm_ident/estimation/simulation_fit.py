@@ -21,10 +21,12 @@ from flexarm_ident.fitting.refinement import refine_model
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error, relative_errors
 from flexarm_ident.friction.direction_test import recurs_with_direction
-from flexarm_ident.friction.layout import arm_layout
+from flexarm_ident.friction.joint_fit import fit_joints
+from flexarm_ident.friction.layout import arm_layout, joints
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
 from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.modes import is_defective, modal_form
 from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.signals import live_samples
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.estimation.identification import Identification
     from flexarm_ident.friction.layout import ArmLayout
+    from flexarm_ident.friction.levels import CoulombEstimate
     from flexarm_ident.records.source import Source
 
 ARM = "arm"
@@ -69,13 +72,17 @@ def with_friction(
 ) -> Identification:
     """Look for dry friction and take an arm with friction where it simulates better.
 
-    The test has three parts. The data have the channels of a flexible arm (`arm_layout`) and no
-    recorded compensation. A Coulomb level exceeds its own scatter (`estimate_coulomb`), or the
-    likelihood has been tried and tells that a linear model misses more than noise. An arm fitted
-    with friction shows it (`ArmFit.has_friction`) and simulates the records with a smaller sum of
-    squared relative errors than the subspace model. Where a linear model passes for missing nothing
-    but noise, only a significant level, or errors that recur with the direction of motion
-    (`direction_test`), are a reason to fit an arm, which takes a hundred times as long.
+    A linear model with friction at its joints is tried first (`fit_joints`), on one record where a
+    level is significant, and stays when it simulates better what was left out of its fit.
+
+    Else an arm is tried, and the test has three parts. The data have the channels of a flexible arm
+    (`arm_layout`) and no recorded compensation. A Coulomb level exceeds its own scatter
+    (`estimate_coulomb`), or the likelihood has been tried and tells that a linear model misses more
+    than noise. An arm fitted with friction shows it (`ArmFit.has_friction`) and simulates the
+    records with a smaller sum of squared relative errors than the subspace model. Where a linear
+    model passes for missing nothing but noise, only a significant level, or errors that recur with
+    the direction of motion (`direction_test`), are a reason to fit an arm, which takes a hundred
+    times as long.
 
     Parameters
     ----------
@@ -92,6 +99,15 @@ def with_friction(
         With an estimate of the Coulomb levels where the data allow one; with the arm and its
         friction where that is better; with a note where friction was found but is not modelled.
     """
+    if replaceable and (jointed := _with_joints(found, progress)) is not None:
+        return jointed
+    return _with_arm_or_note(found, replaceable=replaceable, progress=progress)
+
+
+def _with_arm_or_note(
+    found: Identification, *, replaceable: bool, progress: Progress | None
+) -> Identification:
+    """Return an arm with friction, or what was found of friction as levels and a note."""
     records = found.records
     layout = None if is_compensated(records) else _layout(found)
     if layout is None:
@@ -154,6 +170,59 @@ def _with_arm(
         notes=notes(fit),
         choice=choice(fit, start_error, found.choice),
     )
+
+
+def _with_joints(found: Identification, progress: Progress | None) -> Identification | None:
+    """Return the linear model with friction at its joints, or None where it is not better.
+
+    That is judged by the last part of the record, which has no part in the fit that is compared.
+    """
+    records, coulomb = found.records, _joint_levels(found)
+    if coulomb is None or not coulomb.present:
+        return None
+    levels = np.maximum(coulomb.levels, coulomb.deviations)
+    fit = fit_joints(
+        *(found.model, found.x0[0], records[0], coulomb.drives, levels), progress=progress
+    )
+    start_error = _errors(_simulated(found.model, found.x0, records), records)
+    if fit is None or not (fit.is_better and _better(fit.error, start_error)):
+        return None
+    where = ", ".join(drive.input for drive in coulomb.drives)
+    reason = (
+        f"dry friction at {where} was fitted with the linear model: "
+        f"{mean_error(fit.error):.3g} in free simulation instead of "
+        f"{mean_error(start_error):.3g}, and over the last part of the record, which the compared "
+        f"fit left out, {mean_error(fit.left_out):.3g} instead of "
+        f"{mean_error(fit.linear_left_out):.3g}; of the linear ones, {found.choice}"
+    )
+    return replace(
+        found,
+        model=fit.model,
+        x0=(fit.x0,),
+        order=fit.model.nstates,
+        method=ARM,
+        fit_error=fit.error,
+        start_error=start_error,
+        friction=fit.friction,
+        coulomb=coulomb,
+        moved_eigenvalues=0,
+        notes=(),
+        choice=reason,
+    )
+
+
+def _joint_levels(found: Identification) -> CoulombEstimate | None:
+    """Return levels to start a fit of joints from, or None where there can be no such fit."""
+    records = found.records
+    linear = is_stable(found.model.A) and not np.any(found.model.D) and found.likelihood is None
+    whole = len(records) == 1 and bool(records[0].usable.all()) and not is_compensated(records)
+    drives = joints(records) if linear and whole else None
+    if drives is None or is_defective(modal_form(found.model).vectors):
+        return None
+    try:
+        return estimate_coulomb(records, drives)
+    except IdentificationError:  # too few slipping samples
+        return None
 
 
 def may_be_likely(records: Sequence[Source]) -> bool:

@@ -5,7 +5,9 @@ A model `arm` with friction has the parameters `models.arm.friction_level` and
 `friction_offset_std`, all with one entry per input in the input's unit, and `friction_speed`, the
 row-major map from the state to the opposed speeds. Where the friction also depends on speed and
 load, there are `friction_rise`, `friction_rise_speed`, `friction_load`, `friction_rise_std` and
-`friction_load_std` as well. A model without friction has none of them.
+`friction_load_std` as well. `friction_rest` and `friction_give`, one entry per input, say how it
+yields below its level; without them the drive stands still there. A model without friction has none
+of them.
 """
 
 from __future__ import annotations
@@ -45,6 +47,23 @@ _FIELDS_OF_DEPENDENCE = (
     "friction_rise_std",
     "friction_load_std",
 )
+_FIELDS_OF_YIELDING = ("friction_rest", "friction_give")
+_ALL_FIELDS = (*_FIELDS, *_FIELDS_OF_DEPENDENCE, *_FIELDS_OF_YIELDING)
+
+
+class Yielding(NamedTuple):
+    """How friction below its level lets a drive creep: it leaves part of the speed after a step.
+
+    Attributes
+    ----------
+    rests : ndarray, (inputs,)
+        Part of the speed that is left after one sampling period, 0 for a drive that stands still.
+    gives : ndarray, (inputs,)
+        Part of the holding force that is missing.
+    """
+
+    rests: FloatArray
+    gives: FloatArray
 
 
 class Dependence(NamedTuple):
@@ -84,6 +103,8 @@ class DryFriction:
         Map from the model's state to the opposed speeds.
     dependence : Dependence, optional
         How the levels depend on speed and load.
+    yielding : Yielding, optional
+        How friction yields below its level.
     """
 
     levels: FloatArray
@@ -92,6 +113,14 @@ class DryFriction:
     offset_deviations: FloatArray
     speed: FloatArray
     dependence: Dependence | None = None
+    yielding: Yielding | None = None
+
+    @property
+    def holds(self) -> FloatArray:
+        """How the friction yields, as `stick_slip.run` takes it, (inputs, 2)."""
+        if self.yielding is None:
+            return np.zeros((len(self.levels), 2))
+        return np.column_stack(self.yielding)
 
     @property
     def laws(self) -> FloatArray:
@@ -134,7 +163,7 @@ def simulate_with_friction(
     A, B = np.ascontiguousarray(model.A), np.ascontiguousarray(model.B)
     start = np.asarray(x0, dtype=np.float64)
     net, sizes = u - friction.offsets, np.abs(u)
-    x, forces = run(A, B, friction.speed, friction.laws, net, sizes, start)
+    x, forces = run(A, B, friction.speed, friction.laws, friction.holds, net, sizes, start)
     return x @ model.C.T, forces
 
 
@@ -188,6 +217,8 @@ def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:
     named = dict(zip(_FIELDS, (getattr(friction, each) for each in _ATTRIBUTES), strict=True))
     if friction.dependence is not None:
         named |= zip(_FIELDS_OF_DEPENDENCE, friction.dependence, strict=True)
+    if friction.yielding is not None:
+        named |= zip(_FIELDS_OF_YIELDING, friction.yielding, strict=True)
     return {field: np.ravel(value).tolist() for field, value in named.items()}
 
 
@@ -214,7 +245,8 @@ def load_friction(path: Path | str) -> DryFriction | None:
     found = {
         field: value
         for key, value in load_parameters(path).items()
-        if (field := key.rpartition(".")[2]) in (*_FIELDS, *_FIELDS_OF_DEPENDENCE)
+        if (field := key.rpartition(".")[2])
+        in (*_FIELDS, *_FIELDS_OF_DEPENDENCE, *_FIELDS_OF_YIELDING)
     }
     if not found:
         return None
@@ -226,7 +258,10 @@ def load_friction(path: Path | str) -> DryFriction | None:
     if any(field in found for field in _FIELDS_OF_DEPENDENCE):
         values = (_array(path, found, field, rows) for field in _FIELDS_OF_DEPENDENCE)
         dependence = Dependence(*values)
-    return DryFriction(levels, offsets, scatter[0], scatter[1], speed, dependence)
+    yielding = None
+    if any(field in found for field in _FIELDS_OF_YIELDING):
+        yielding = Yielding(*(_array(path, found, field, rows) for field in _FIELDS_OF_YIELDING))
+    return DryFriction(levels, offsets, scatter[0], scatter[1], speed, dependence, yielding)
 
 
 def _array(

@@ -82,6 +82,23 @@ def arm_layout(records: Sequence[IoData]) -> ArmLayout | None:
     records : sequence of IoData
         Records of one rig.
     """
+    found = _assigned(records)
+    return found[0] if found is not None and found[1] else None
+
+
+def joints(records: Sequence[IoData]) -> tuple[Drive, ...] | None:
+    """Return the output that tells each input's joint, the slowest that its input works on.
+
+    It need not be slower than the others, as in `arm_layout`: gyroscopes and accelerometers may be
+    among them, and joints of different pace. None where there is no output more than inputs, or an
+    input works on none.
+    """
+    found = _assigned(records)
+    return None if found is None else found[0].drives
+
+
+def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
+    """Return the roles of the slowest outputs, and whether the others are much faster."""
     first = records[0]
     count, outputs = len(first.inputs), len(first.outputs)
     if outputs <= count:
@@ -94,8 +111,7 @@ def arm_layout(records: Sequence[IoData]) -> ArmLayout | None:
     by_pace = np.argsort(pace / size, kind="stable")
     slowest_other = (pace / size)[by_pace[count]]
     positions = np.sort(by_pace[:count])
-    if np.max((pace / size)[positions]) > _SLOW * slowest_other:
-        return None
+    apart = bool(np.max((pace / size)[positions]) <= _SLOW * slowest_other)
     work = np.abs(_correlation(u, speed[:, positions]))
     inputs, own = scipy.optimize.linear_sum_assignment(-work)
     if np.min(work[inputs, own]) < _WORK:
@@ -112,7 +128,7 @@ def arm_layout(records: Sequence[IoData]) -> ArmLayout | None:
         for k in [int(np.argmax(row))]
         if row[k] >= _SAME
     )
-    return ArmLayout(drives, speeds)
+    return ArmLayout(drives, speeds), apart
 
 
 def drive_columns(record: IoData, drive: Drive) -> tuple[int, int]:

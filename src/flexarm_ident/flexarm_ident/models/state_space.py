@@ -28,7 +28,7 @@ WAYS: tuple[Way, ...] = ("mirror", "clamp", "integrator")
 INTEGRATOR_RADIUS = 1.0 - 1e-8
 """Magnitude of an integrator: 100 million samples, and clear of the rounding of eigenvalues."""
 # Estimates of an integrator's eigenvalue lie within that distance of 1.
-_NEAR_ONE = 2.0 / 3000.0
+NEAR_ONE = 2.0 / 3000.0
 # Part by which eigenvalues that come to the same place are kept from each other.
 _APART = 1e-6
 _SAME_PLACE = 1e-9
@@ -170,7 +170,7 @@ def moved(start: Spectrum, way: Way) -> Spectrum:
     eigenvalues, vectors = start.eigenvalues, start.vectors
     radius = np.abs(eigenvalues)
     outside = radius >= 1.0
-    near = (np.abs(eigenvalues - 1.0) < _NEAR_ONE) & (way == "integrator")
+    near = (np.abs(eigenvalues - 1.0) < NEAR_ONE) & (way == "integrator")
     if not (outside | near).any():
         return start
     inner = np.full_like(radius, STABLE_RADIUS)

@@ -120,6 +120,7 @@ def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
     B: FloatArray,
     speed: FloatArray,
     laws: FloatArray,
+    holds: FloatArray,
     u: FloatArray,
     sizes: FloatArray,
     x0: FloatArray,
@@ -134,6 +135,9 @@ def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
         Map from the state to the speed that the friction of each input opposes.
     laws : ndarray, (inputs, 4)
         Friction as `friction_levels` takes it; zeros without friction.
+    holds : ndarray, (inputs, 2)
+        How friction yields below its level: the part of the speed that a step leaves, and the part
+        by which the force that takes the rest is smaller. Zeros where it holds still.
     u, sizes : ndarray, (samples, inputs)
         Inputs from each sample to the next, and their sizes for the friction.
     x0 : ndarray, (states,)
@@ -150,6 +154,8 @@ def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
     x = np.empty((samples, states))
     forces = np.empty((samples, inputs))
     gain = speed @ B
+    for i in range(inputs):
+        gain[i, i] *= 1.0 + holds[i, 1]
     now = x0.copy()
     speeds, free_speed = np.empty(inputs), np.empty(inputs)
     after = np.empty(states)
@@ -167,6 +173,7 @@ def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
             for j in range(states):
                 speeds[i] += speed[i, j] * now[j]
                 free_speed[i] += speed[i, j] * after[j]
+            free_speed[i] -= holds[i, 0] * speeds[i]
         forces[k] = friction_force(free_speed, gain, friction_levels(laws, speeds, sizes[k]))
         for i in range(states):
             total = after[i]
@@ -269,7 +276,7 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
     """
     samples, states, inputs = len(u), len(A), B.shape[1]
     parameters, first = d_x0.shape[1], d_A.shape[2]
-    x, forces = run(A, B, speed, laws, u, sizes, x0)
+    x, forces = run(A, B, speed, laws, np.zeros((inputs, 2)), u, sizes, x0)
     gain, steady = speed @ B, product(B, d_u)
     inverse = np.zeros(gain.shape)
     if np.any(laws > 0.0):

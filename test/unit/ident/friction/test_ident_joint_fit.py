@@ -1,0 +1,141 @@
+"""Linear models with yielding friction at their joints: steps, derivatives, fit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import scipy
+
+from flexarm_ident import IoData, identify
+from flexarm_ident.friction.dry_friction import (
+    DryFriction,
+    Yielding,
+    friction_fields,
+    load_friction,
+    simulate_with_friction,
+)
+from flexarm_ident.friction.guided_steps import guided_steps
+from flexarm_ident.friction.joint_fit import fit_joints
+from flexarm_ident.friction.layout import joints
+from flexarm_ident.models.files import save_model
+from flexarm_ident.models.state_space import state_space
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import control
+
+DT_S = 0.002
+LEVEL = 0.12
+NONE = np.zeros(1)
+
+
+def _arm(level: float, rest: float = 0.8) -> tuple[control.StateSpace, DryFriction]:
+    """Return an arm of hub and one bending mode, with encoder, gauge and gyroscope of the tip."""
+    inertia = np.array([[0.06, 0.02], [0.02, 0.01]])
+    stiffness, damping = np.diag([0.0, 25.0]), np.diag([0.05, 0.005])
+    A = np.block(
+        [
+            [np.zeros((2, 2)), np.eye(2)],
+            [-np.linalg.solve(inertia, stiffness), -np.linalg.solve(inertia, damping)],
+        ]
+    )
+    B = np.vstack([np.zeros((2, 1)), np.linalg.solve(inertia, [[1.0], [0.0]])])
+    C = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 1.5]])
+    A_d, B_d, *_ = scipy.signal.cont2discrete((A, B, C, np.zeros((3, 1))), DT_S)
+    model = state_space(
+        A_d, B_d, C, 0.0, DT_S, inputs=["torque"], outputs=["encoder", "gauge", "gyro"]
+    )
+    yielding = Yielding(np.array([rest]), np.array([0.1]))
+    speed = np.array([[0.0, 0.0, 1.0, 0.0]])
+    return model, DryFriction(np.array([level]), NONE, NONE, NONE, speed, yielding=yielding)
+
+
+def _record(samples: int) -> IoData:
+    """Return a closed loop around random set-points, with dither and noise of the sensors."""
+    rng = np.random.default_rng(3)
+    model, friction = _arm(LEVEL)
+    x, goal, u = np.zeros(4), 0.0, np.empty((samples, 1))
+    for k in range(samples):
+        if k % 300 == 0:
+            goal = rng.uniform(-1.0, 1.0)
+        u[k] = 1.5 * (goal - x[0]) - 0.4 * x[2] + 0.15 * rng.standard_normal()
+        one = simulate_with_friction(model, friction, u[[k, k]], x)[1][0]
+        x = model.A @ x + model.B @ (u[k] - one)
+    y, _ = simulate_with_friction(model, friction, u, np.zeros(4))
+    noise = 0.0015 * y.std(axis=0) * rng.standard_normal(y.shape)
+    names = {"inputs": ("torque",), "outputs": ("encoder", "gauge", "gyro")}
+    return IoData(u, y + noise, dt_s=DT_S, **names)
+
+
+def test_friction_below_its_level___yielding___leaves_its_part_of_the_speed() -> None:
+    decay = state_space([[1.0]], [[0.1]], [[1.0]], 0.0, DT_S)
+    rest = Yielding(np.array([0.8]), NONE)
+    friction = DryFriction(np.array([10.0]), NONE, NONE, NONE, np.eye(1), yielding=rest)
+
+    y, _ = simulate_with_friction(decay, friction, np.full((20, 1), 0.3), np.ones(1))
+
+    np.testing.assert_allclose(y[:, 0], 0.8 ** np.arange(20))
+
+
+def test_yielding___file___is_read_as_written(tmp_path: Path) -> None:
+    model, friction = _arm(LEVEL)
+    path = tmp_path / "arm.yaml"
+
+    save_model(path, model, name="arm", provenance=friction_fields(friction))
+    found = load_friction(path)
+
+    np.testing.assert_allclose(found.holds, friction.holds)
+
+
+def test_derivatives_of_guided_steps___every_parameter___are_those_of_differences() -> None:
+    rng = np.random.default_rng(0)
+    pair = np.array([1, 0, 2])
+    first = np.concatenate(
+        [
+            [0.95, 0.2, 0.99, 0.05, 0.1, 0.08],
+            rng.standard_normal(6),
+            rng.standard_normal(3),
+            [0.3, 0.5, 0.1, 0.02],
+            [0.5, 0.6, 1.0],
+        ]
+    )
+    gain = 0.1 * rng.standard_normal((3, 2))
+    u, y = rng.standard_normal((40, 1)), rng.standard_normal((40, 2))
+
+    def stepped(theta: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        A = np.array([[theta[0], theta[1], 0], [-theta[1], theta[0], 0], [0, 0, theta[2]]])
+        return guided_steps(
+            *(A, theta[3:6, np.newaxis].copy(), theta[6:12].reshape(2, 3).copy(), pair, gain),
+            *(theta[19:].reshape(1, 3).copy(), theta[15:18].reshape(3, 1).copy()),
+            *(u - theta[18], y, theta[12:15].copy(), slopes),
+        )
+
+    slopes = np.zeros((3, len(first)))
+    slopes[:, 12:15] = np.eye(3)
+    found = stepped(first, slopes)[:, :, :-1]
+
+    step = 1e-7
+    for place, way in enumerate(np.eye(len(first))):
+        ends = [stepped(first + side * way, np.zeros((3, 0)))[..., 0] for side in (step, -step)]
+        np.testing.assert_allclose(
+            found[:, :, place], (ends[1] - ends[0]) / (2.0 * step), rtol=1e-4, atol=1e-5
+        )
+
+
+@pytest.mark.slow
+def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -> None:
+    record = _record(12_000)
+    start = identify(record, friction=False, method="pbsid", order=4)
+
+    drives = joints([record])
+    fit = fit_joints(start.model, start.x0[0], record, drives, np.array([0.8 * LEVEL]))
+
+    assert [drive.output for drive in drives] == ["encoder"]
+    assert fit is not None
+    assert fit.is_better
+    deviation = fit.friction.level_deviations[0]
+    assert abs(fit.friction.levels[0] - LEVEL) < 2.0 * deviation < 0.1 * LEVEL
+    assert np.all(fit.error < 3.0 * 0.0015)
