@@ -72,8 +72,9 @@ def with_friction(
 ) -> Identification:
     """Look for dry friction and take an arm with friction where it simulates better.
 
-    A linear model with friction at its joints is tried first (`fit_joints`), on one record where a
-    level is significant, and stays when it simulates better what was left out of its fit.
+    Where outputs are not those of slow joints and faster elastic coordinates, or one measures a
+    speed, a linear model with friction at its joints is tried first (`fit_joints`), on one record
+    where a level is significant. It stays when it simulates better what was left out of its fit.
 
     Else an arm is tried, and the test has three parts. The data have the channels of a flexible arm
     (`arm_layout`) and no recorded compensation. A Coulomb level exceeds its own scatter
@@ -99,17 +100,24 @@ def with_friction(
         With an estimate of the Coulomb levels where the data allow one; with the arm and its
         friction where that is better; with a note where friction was found but is not modelled.
     """
-    if replaceable and (jointed := _with_joints(found, progress)) is not None:
-        return jointed
-    return _with_arm_or_note(found, replaceable=replaceable, progress=progress)
+    records = found.records
+    layout = None if is_compensated(records) else _layout(found)
+    if replaceable and (layout is None or layout.speeds):
+        jointed = _with_joints(found, progress)
+        if jointed is not None:
+            return jointed
+    return _with_arm_or_note(found, layout, replaceable=replaceable, progress=progress)
 
 
 def _with_arm_or_note(
-    found: Identification, *, replaceable: bool, progress: Progress | None
+    found: Identification,
+    layout: ArmLayout | None,
+    *,
+    replaceable: bool,
+    progress: Progress | None,
 ) -> Identification:
     """Return an arm with friction, or what was found of friction as levels and a note."""
     records = found.records
-    layout = None if is_compensated(records) else _layout(found)
     if layout is None:
         return found
     try:

@@ -156,7 +156,16 @@ def arm_record(samples: int = 3000, dt_s: float = 0.005) -> tuple[FlexibleArm, A
         y[k] = arm.output_matrix @ x + (2e-3, 2e-3) * rng.normal(size=2)
         reference = np.sin(1.7 * k * dt_s) + (0.5 if (k // 400) % 2 else -0.5)
         u[k] = 3.0 * (reference - y[k, 0]) - 0.3 * arm.speed[0] @ x
-        x = run(A, B, arm.speed, arm.laws(theta), np.zeros((arm.inputs, 2)), u[[k, k]] - 0.01, u[[k, k]], x)[0][1]
+        x = run(
+            A,
+            B,
+            arm.speed,
+            arm.laws(theta),
+            np.zeros((arm.inputs, 2)),
+            u[[k, k]] - 0.01,
+            u[[k, k]],
+            x,
+        )[0][1]
     inputs, outputs = ("drive_a",), ("hub_rad", "gauge_v")
     data = IoData(u, y, dt_s=dt_s, inputs=inputs, outputs=outputs, closed_loop=True)
     return arm, theta, data
