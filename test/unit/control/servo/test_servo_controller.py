@@ -261,12 +261,12 @@ def test_step___twenty_states___takes_less_than_twenty_microseconds(gains: Servo
     servo = Servo(large)
     y, r = [0.1, 0.2], [0.3, 0.4]
     taken_s = []
-    # The best of several: other programs share the machine.
+    # Its own time, the best of several: other programs share the machine.
     for _ in range(20):
-        begun = time.perf_counter()
+        begun = time.thread_time()
         for _ in range(500):
             servo.step(y, r)
-        taken_s.append((time.perf_counter() - begun) / 500)
+        taken_s.append((time.thread_time() - begun) / 500)
 
     assert min(taken_s) < 20e-6
     assert servo.rate_hz == pytest.approx(1.0 / DT_S)
