@@ -129,21 +129,25 @@ class TwinRig:
         self._random = np.random.default_rng(self._seed)
         self._steps = 0
         self._has_sampled = False
-        self._moved_s = self.clock() if self.clock is not None else 0.0
+        self._begun_s = self._moved_s = self.clock() if self.clock is not None else 0.0
         self._advance(0)
         self._is_open = True
 
     def read(self) -> TwinSample:
         """Sample the outputs with noise."""
         self._require_open()
+        time_s = self._steps * self._dt_s
         if self.clock is not None:
-            self._follow(self.clock())
+            now_s = self.clock()
+            self._follow(now_s)
+            time_s = now_s - self._begun_s
         elif self._has_sampled:
             self._advance(1)
+            time_s = self._steps * self._dt_s
         self._has_sampled = True
         noise = self._noise * self._random.standard_normal(len(self._noise))
         outputs = self._c @ self._x + self._d @ (self._u - self._offsets) + noise
-        return TwinSample(self._steps * self._dt_s, outputs)
+        return TwinSample(time_s, outputs)
 
     def write(self, commands: Sequence[float]) -> None:
         """Command the drives until the next write."""

@@ -72,7 +72,7 @@ class Operator(GraphClient):
     def activate(self, name: str) -> None:
         """Take a managed node to active; it waits for all readers that are known here."""
         if name in _SENDS:
-            listeners = sum(map(self.node.count_subscribers, _SENDS[name]))
+            listeners = max(map(self.node.count_subscribers, _SENDS[name]))
             self.set_parameters(name, {"listeners": listeners})
         if not self.transition(name, Transition.TRANSITION_ACTIVATE):
             raise LaunchError(f"{name} refused to activate{self._why(name)}")

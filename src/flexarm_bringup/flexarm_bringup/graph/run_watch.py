@@ -9,7 +9,7 @@ from rclpy.serialization import deserialize_message
 
 from flexarm_bringup.graph.run_figures import Run
 from flexarm_core.patience import Patience
-from flexarm_msgs.msg import ArmState
+from flexarm_msgs.msg import ArmState, IoSample
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns, stamp_text
 from flexarm_node.topics.waiting import RawTopicsWaiter
@@ -22,6 +22,10 @@ STALLED_S = 30.0
 _SLOWEST = 10
 """So many samples come within that time however slow the run; in virtual time one whose answer does
 not come may take a third of it."""
+
+
+_SAMPLES = (("state", ArmState), ("io", IoSample))
+"""Topics of samples, of which a rig has one, and their types."""
 
 
 class RunWatch:
@@ -59,7 +63,8 @@ class RunWatch:
             topic = "/diagnostics"
             self._node.create_subscription(DiagnosticArray, topic, self._on_report, qos.EVERY)
         self._figures = {}
-        self._states = RawTopicsWaiter(self._node, [(ArmState, "state", qos.NEWEST)])
+        topics = [(kind, name, qos.NEWEST) for name, kind in _SAMPLES]
+        self._states = RawTopicsWaiter(self._node, topics)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -73,9 +78,10 @@ class RunWatch:
         """Number of the newest sample of the run; 0 before the first and between runs."""
         waiting = [] if self._states is None else self._states.wait(0.0)
         if waiting:
-            state = deserialize_message(waiting[-1].raw, ArmState)
-            self._newest = state.sequence
-            self._sampled_s = stamp_text(stamp_ns(state.header.stamp))
+            _, kind = _SAMPLES[waiting[-1].topic]
+            sample = deserialize_message(waiting[-1].raw, kind)
+            self._newest = sample.sequence
+            self._sampled_s = stamp_text(stamp_ns(sample.header.stamp))
         return self._newest
 
     def restart_clock(self) -> None:

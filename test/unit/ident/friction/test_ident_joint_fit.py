@@ -66,8 +66,8 @@ def _record(samples: int) -> IoData:
         x = model.A @ x + model.B @ (u[k] - one)
     y, _ = simulate_with_friction(model, friction, u, np.zeros(4))
     noise = 0.0015 * y.std(axis=0) * rng.standard_normal(y.shape)
-    names = {"inputs": ("torque",), "outputs": ("encoder", "gauge", "gyro")}
-    return IoData(u, y + noise, dt_s=DT_S, **names)
+    outputs = ("encoder", "gauge", "gyro")
+    return IoData(u, y + noise, dt_s=DT_S, inputs=("torque",), outputs=outputs)
 
 
 def test_friction_below_its_level___yielding___leaves_its_part_of_the_speed() -> None:
@@ -87,6 +87,7 @@ def test_yielding___file___is_read_as_written(tmp_path: Path) -> None:
     save_model(path, model, name="arm", provenance=friction_fields(friction))
     found = load_friction(path)
 
+    assert found is not None
     np.testing.assert_allclose(found.holds, friction.holds)
 
 
@@ -131,6 +132,7 @@ def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -
     start = identify(record, friction=False, method="pbsid", order=4)
 
     drives = joints([record])
+    assert drives is not None
     fit = fit_joints(start.model, start.x0[0], record, drives, np.array([0.8 * LEVEL]))
 
     assert [drive.output for drive in drives] == ["encoder"]

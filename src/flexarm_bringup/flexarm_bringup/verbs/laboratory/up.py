@@ -330,7 +330,7 @@ def _stay(
 
     def controller() -> str:
         # Else its first commands might come before the recorder is discovered.
-        readers = sum(map(operator.node.count_subscribers, ("command", "io_command")))
+        readers = max(map(operator.node.count_subscribers, ("command", "io_command")))
         files = [f"--params-file {terminal.quoted(each)}" for each in settings.parameter_files]
         start = _controller(settings)
         own = since.words(start)

@@ -1,0 +1,151 @@
+"""Nodes on rigs that are not the thesis's arm: twins of known models with one and two motors."""
+
+from __future__ import annotations
+
+import signal
+from typing import TYPE_CHECKING, Any
+
+import control
+import numpy as np
+import pytest
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from flexarm_control.replaying.comparison import replay
+from flexarm_control.replaying.record import read_loop
+from flexarm_control.twin import twin_description
+from flexarm_core.rig_description import described
+from flexarm_ident import read_bag
+from flexarm_ident.models.files import save_model
+from flexarm_msgs.msg import IoSample
+from flexarm_msgs.srv import SetReference
+from flexarm_node import qos
+from support.servo_plants import bending_arm, two_joints
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from flexarm_core.rig_description import RigDescription
+    from support.system_graph import Graph, Process
+
+pytestmark = pytest.mark.system
+
+TOPICS = ["commander", "law", "rig_description", "io", "io_channels", "io_command", "io_reference"]
+
+
+def one_motor() -> control.StateSpace:
+    """Return a hub with a vibration: one input, two outputs."""
+    return bending_arm()
+
+
+def two_motors() -> control.StateSpace:
+    """Return two joints with angles, rates and a sum: two inputs, five outputs."""
+    model = two_joints()
+    states = np.eye(4)
+    rows = np.vstack([states, states[0] + states[1]])
+    names = ["hub1", "hub2", "rate1", "rate2", "sum"]
+    return control.StateSpace(
+        *(model.A, model.B, rows, 0.0, model.dt), inputs=model.input_labels, outputs=names
+    )
+
+
+def rig_of(folder: Path, model: control.StateSpace) -> tuple[Path, RigDescription]:
+    """Write a model and the description of its twin."""
+    ends = {
+        "input_low": [-1.0] * model.ninputs,
+        "input_high": [1.0] * model.ninputs,
+        "output_low": [-1.0] * model.noutputs,
+        "output_high": [1.0] * model.noutputs,
+        "noise_sd": [1e-4] * model.noutputs,
+    }
+    save_model(folder / "model.yaml", model, name="arm", provenance=ends)
+    file = folder / "rig.yaml"
+    file.write_text(twin_description(folder / "model.yaml"))
+    return file, described(file.read_text())
+
+
+def start(graph: Graph, rig: Path, daq: dict[str, Any], **controller: object) -> Process:
+    """Start the loop on a rig, up to the sampling; return the process of the controller."""
+    graph.start("recorder", {"topics": TOPICS})
+    process = graph.start("controller", {"rig": str(rig), "law": "pd", **controller})
+    graph.start("daq", {"rig": str(rig), "rate_hz": 500.0, **daq})
+    graph.activate_loop()
+    return process
+
+
+@pytest.mark.parametrize("model", [one_motor(), two_motors()], ids=["one motor", "two motors"])
+def test_rig___is_moved_recorded_and_replayed(
+    graph: Graph, tmp_path: Path, model: control.StateSpace
+) -> None:
+    file, rig = rig_of(tmp_path, model)
+    start(graph, file, {"real_time_factor": 0.0}, **{"reference": "step", "step.amplitude_v": 2.0})
+    bag = tmp_path / "bag"
+    graph.operator.record(str(bag))
+    graph.operator.sample(5000, lambda _: None)
+    graph.operator.record(None)
+
+    data = read_bag(bag)
+    assert (data.inputs, data.outputs) == (rig.input_names, rig.output_names)
+    assert (len(data.u), data.dt_s, data.closed_loop) == (4999, 0.002, True)
+    # 2 V of 6.857 V, of a travel of 1.5.
+    angles = [data.outputs.index(joint.angle) for joint in rig.joints]
+    np.testing.assert_allclose(data.y[-1, angles], 2.0 / 6.857142857 * 1.5, atol=0.02)
+    # The input that acts from a sample on gives the next one.
+    free = (
+        model.A @ np.linalg.lstsq(model.C, data.y[:-1].T, rcond=None)[0] + model.B @ data.u[:-1].T
+    )
+    if model.noutputs > model.nstates:
+        np.testing.assert_allclose((model.C @ free).T, data.y[1:], atol=2e-3)
+    found = replay(read_loop(bag))
+    assert (found.compared, found.differences) == (5000, ())
+
+
+def test_set_points___of_each_joint___and_a_joint_that_is_none(
+    graph: Graph, tmp_path: Path
+) -> None:
+    file, _ = rig_of(tmp_path, two_motors())
+    samples: list[IoSample] = []
+    told: list[str] = []
+    graph.node.create_subscription(IoSample, "io", samples.append, qos.EVERY)
+    graph.node.create_subscription(
+        String, "rig_description", lambda message: told.append(message.data), qos.STATUS
+    )
+    start(graph, file, {"real_time_factor": 4.0})
+    assert graph.transition("daq", "activate")
+
+    def ask(value: float, joint: str) -> SetReference.Response:
+        request = SetReference.Request(reference_v=value, joint=joint)
+        return graph.call(SetReference, "set_reference", request)
+
+    graph.wait(lambda: len(samples) > 100, "samples")
+    assert told == [file.read_text()]
+    assert ask(0.5, "joint_1").success
+    assert ask(-0.25, "hub2").success
+    refused = ask(0.1, "joint_3")
+    assert "no joint 'joint_3'" in refused.message
+    assert "name one" in ask(0.1, "").message
+    assert "the travel of joint_1 is -1.5 to 1.5" in ask(1.6, "joint_1").message
+
+    def arrived() -> bool:
+        return np.allclose(samples[-1].outputs[:2], (0.5, -0.25), atol=0.02)
+
+    graph.wait(arrived, "both joints at their set-points")
+
+
+@pytest.mark.parametrize("end", ["kill", "emergency stop"])
+def test_drives___of_all_inputs___go_to_zero(graph: Graph, tmp_path: Path, end: str) -> None:
+    file, _ = rig_of(tmp_path, two_motors())
+    samples: list[IoSample] = []
+    graph.node.create_subscription(IoSample, "io", samples.append, qos.EVERY)
+    wave = {"reference": "square", "square.period_s": 0.4}
+    controller = start(graph, file, {"time": "real"}, **wave)
+    assert graph.transition("daq", "activate")
+    graph.wait(lambda: any(np.abs(each.inputs).min() > 0.1 for each in samples), "both drives")
+    if end == "kill":
+        graph.stop(controller, signal.SIGKILL)
+    else:
+        assert graph.call(Trigger, "emergency_stop", Trigger.Request()).success
+    samples.clear()
+    graph.wait(lambda: len(samples) > 100, "samples behind the end")
+    # Three periods, and what was on its way.
+    assert all(not np.any(each.inputs) for each in samples[50:])
