@@ -145,7 +145,7 @@ def controlled(rig: SerialRig, goal_rad: float) -> Iterator[float]:
         if before_rad is not None and before_s is not None:
             rate = (angle_rad - before_rad) / (time_s - before_s)
         before_rad, before_s = angle_rad, time_s
-        rig.write(800.0 * (1.2 * (goal_rad - angle_rad) - 0.12 * rate))
+        rig.write([800.0 * (1.2 * (goal_rad - angle_rad) - 0.12 * rate)])
         yield angle_rad
 
 

@@ -297,6 +297,7 @@ def _description(
     noise = facts.get("noise_sd")
     if isinstance(noise, list) and len(noise) == model.noutputs:
         yield f"  noise: [{', '.join(f'{float(each):.4g}' for each in noise)}]"
+    yield "safety: {stuck_samples: 0}  # a model without noise stands still at rest"
 
 
 def _angles(model: control.StateSpace, ranges: Sequence[tuple[float, float]]) -> dict[str, str]:

@@ -41,7 +41,7 @@ class Command(NamedTuple):
         Feedback efforts u_e and friction compensations u_c (4-6) of the inputs; each drive gets
         their sum.
     stamp_ns : int
-        Instant of the computation, nanoseconds since the epoch.
+        Instant of the sample that it answers, nanoseconds since the epoch.
     """
 
     sequence: int

@@ -94,8 +94,9 @@ def test_watchdog___fed_with_the_newest_sample___is_found(monkeypatch: pytest.Mo
 
 def test_limiter___off_by_a_fifth___is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     def wide(settings: limiter.LimiterSettings) -> limiter.InputLimits:
-        most_v = 1.2 * settings.max_command_v
-        return limits(settings)._replace(low=-most_v, high=most_v)
+        true = limits(settings)
+        most_v, slew = 1.2 * settings.max_command_v, 1.2 * true.slew_per_s
+        return true._replace(low=-most_v, high=most_v, slew_per_s=slew)
 
     limits = limiter.LimiterSettings.limits
     monkeypatch.setattr(limiter.LimiterSettings, "limits", wide)
@@ -120,6 +121,7 @@ def test_commander___that_forgets_a_silence_at_the_next_one___is_found(
 ) -> None:
     def release(self: Commander) -> None:
         self._spent.clear()
+        self._ended = None
         if self._last is not None:
             self._spent.append(self._last.sequence)
         self._last, self._has_rival = None, False
@@ -135,6 +137,7 @@ def test_commander___that_obeys_a_number_again___is_found(
 
     def forget(self: Commander, command: Command, newest: int, *, in_time: bool = True) -> Verdict:
         self._spent.clear()
+        self._ended = None
         return judge(self, command, newest, in_time=in_time)
 
     monkeypatch.setattr(Commander, "judge", forget)

@@ -62,11 +62,11 @@ class Commander:
         self._has_rival = False
         self._foreign: Command | None = None
         self._spent: deque[int] = deque(maxlen=_REMEMBERED)
+        self._ended: Command | None = None
 
     def release(self) -> None:
         """Forget the commander, which is silent."""
-        if self._last is not None and self._last.sequence not in self._spent:
-            self._spent.append(self._last.sequence)
+        self._ended = self._last or self._ended
         self._last = None
         self._has_rival = False
 
@@ -95,8 +95,9 @@ class Commander:
             verdict = Verdict.LATE
         if verdict is Verdict.ACCEPTED:
             self._foreign = None
-            if self._last is None:
-                self._spent.append(command.sequence)
+            # Where each command is stale with the next sample, a reign of one follows the other.
+            if self._last is None and not self._goes_on(command):
+                self._spent.extend(each.sequence for each in (self._ended, command) if each)
             if self._has_rival:
                 verdict = Verdict.CONFLICT
             self._last = command
@@ -123,8 +124,16 @@ class Commander:
         if command.state_sequence <= self.answered:
             return Verdict.OLD
         counts = self._foreign is None or _counts_on(self._foreign, command)
-        is_new = command.sequence not in self._spent
+        ended = () if self._ended is None else (self._ended.sequence,)
+        is_new = command.sequence not in (*self._spent, *ended)
         return Verdict.ACCEPTED if counts and is_new else Verdict.FOREIGN
+
+    def _goes_on(self, command: Command) -> bool:
+        """Return whether the last commander has answered every sample since its last command."""
+        if self._ended is None:
+            return False
+        samples = command.state_sequence - self._ended.state_sequence
+        return command.sequence - self._ended.sequence == samples
 
 
 def _counts_on(last: Command, command: Command) -> bool:
