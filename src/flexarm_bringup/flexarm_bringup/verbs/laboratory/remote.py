@@ -90,7 +90,7 @@ class _OfNumbers(click.Command):
 
 
 @click.command(cls=_OfNumbers, context_settings={"ignore_unknown_options": True})
-@click.argument("words", metavar="[JOINT] SET_POINT", nargs=-1, required=True)
+@click.argument("words", metavar="SET_POINT", nargs=-1, required=True)
 @ARM
 @examples("reference 1.5", "reference -3", "reference 23deg", "reference elbow 0.4")
 def reference(words: tuple[str, ...], namespace: str) -> None:

@@ -106,7 +106,7 @@ class Designed(NamedTuple):
     "design --payload 0.15 --law pdp --fast --out out/pdp",
 )
 def design(sources: tuple[Path, ...], law: str | None, **settings: Any) -> None:  # noqa: ANN401
-    """Design a controller for records or models of any plant, or for a payload of the arm.
+    """Design a controller for any plant or a payload.
 
     A record is identified first. The servo steps on twins of the model, and is written for Python
     and for C. With several models, such as of several payloads, it holds all of them.
