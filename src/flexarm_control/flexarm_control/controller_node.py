@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_control.loop_setup import MODEL_CHOICES, PARAMETERS, TOPIC
 from flexarm_control.models.chosen_model import PREFIX, ModelChoices
-from flexarm_control.rig_setup import REFERENCES, RigSetup, first_references
+from flexarm_control.rig_setup import RigSetup, first_references
 from flexarm_control.sample_rate import SampleRate
 from flexarm_core.channels import TRAVEL_DEG, is_thesis_arm
 from flexarm_core.errors import SettingError
@@ -210,9 +210,7 @@ class ControllerNode(AnsweringNode):
             or (not setup.has_profile and references != before.references)
             or taken_ns - before.taken_ns >= _TELL_AGAIN_NS
         ):
-            memory = self._loop.memory()
-            if not is_thesis_arm(setup.rig):
-                memory = {**memory, REFERENCES: references}
+            memory = setup.told_memory(self._loop, references)
             self._in_force = _InForce(taken_ns, setup, references, command_sequence, memory)
 
     def _tell_law(self, taken_ns: int) -> None:

@@ -87,7 +87,7 @@ def joint_ways(rig: RigDescription) -> tuple[JointWay, ...]:
 
 def _way(rig: RigDescription, joint: Joint) -> JointWay:
     driven, angle = rig.input(joint.input), rig.output(joint.angle)
-    volts_per_unit = joint.sign * 2.0 * TRAVEL_V / (joint.high - joint.low)
+    volts_per_unit = joint.sign * TRAVEL_V / joint.half_travel
     per_second = 1.0
     if joint.rate is not None:
         # Units of the angle a second for one unit of the rate.
@@ -97,19 +97,17 @@ def _way(rig: RigDescription, joint: Joint) -> JointWay:
         rig.input_names.index(joint.input),
         rig.output_names.index(joint.angle),
         None if joint.rate is None else rig.output_names.index(joint.rate),
-        0.5 * (joint.low + joint.high),
+        joint.middle,
         volts_per_unit,
         volts_per_unit * per_second * _SPEED_S,
         driven.rest,
-        min(driven.high - driven.rest, driven.rest - driven.low) / MAX_COMMAND_V,
+        driven.reach / MAX_COMMAND_V,
     )
 
 
 def compensation_v(rig: RigDescription, joint: Joint) -> float:
     """Return the Coulomb level of a joint in volts; 0 where it is not known."""
-    driven = rig.input(joint.input)
-    reach = min(driven.high - driven.rest, driven.rest - driven.low)
-    return (joint.coulomb or 0.0) * MAX_COMMAND_V / reach
+    return (joint.coulomb or 0.0) * MAX_COMMAND_V / rig.input(joint.input).reach
 
 
 def require_known_outputs(spec: LawSpec, rig: RigDescription) -> None:

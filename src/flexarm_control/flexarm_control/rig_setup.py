@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -22,6 +23,7 @@ from flexarm_core.rig_description import described, load_rig
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from flexarm_control.joint_laws import JointWay
     from flexarm_control.laws.law_protocol import Memory
     from flexarm_control.laws.payload import PayloadEstimate
     from flexarm_control.servo.controller import Servo
@@ -160,12 +162,12 @@ class RigSetup:
         """Function that returns the law's estimate of the payload, if it has one."""
         return self.setups[0].payload if self.setups else None
 
-    @property
+    @cached_property
     def laws(self) -> tuple[Any, ...]:
         """Laws of the joints, or the servo: what `Loop.replace` takes."""
         return (self.servo,) if self.servo else tuple(each.law for each in self.setups)
 
-    @property
+    @cached_property
     def tracks(self) -> tuple[Track, ...]:
         """Outputs that the set-points mean, in their order."""
         joints = {each.angle: each for each in self.rig.joints}
@@ -188,7 +190,16 @@ class RigSetup:
         reference_v = reference(time_s)
         if is_thesis_arm(self.rig):
             return (reference_v,)
-        return tuple(way.reference(reference_v) for way in joint_ways(self.rig))
+        return tuple(way.reference(reference_v) for way in self._ways)
+
+    @cached_property
+    def _ways(self) -> tuple[JointWay, ...]:
+        return joint_ways(self.rig)
+
+    def told_memory(self, loop: Loop, references: tuple[float, ...]) -> Memory:
+        """Return what a record tells of the loop: with its rig it needs all set-points."""
+        is_arm_law = self.servo is None and is_thesis_arm(self.rig)
+        return loop.memory() if is_arm_law else {**loop.memory(), REFERENCES: references}
 
     def place(self, joint: str) -> int | None:
         """Return the place of a joint or its output among the tracks; None for an unknown name."""

@@ -41,6 +41,17 @@ class TwinSample(NamedTuple):
     outputs: FloatArray
 
 
+class _Stop(NamedTuple):
+    """Ends of a joint's travel: places of input and angle, force, sign of an outward speed."""
+
+    input: int
+    angle: int
+    low: float
+    high: float
+    force: float
+    sign: float
+
+
 class TwinRig:
     """A `flexarm_daq.rigs.rig_protocol.Rig` on an identified model.
 
@@ -94,6 +105,7 @@ class TwinRig:
         self._rest = np.array([each.rest for each in rig.inputs])
         self._friction(load_friction(path), inputs)
         self._stops(rig)
+        self._gain = self._speed @ self._b
         self._is_open = False
 
     def _friction(self, friction: DryFriction | None, inputs: Sequence[int]) -> None:
@@ -107,15 +119,18 @@ class TwinRig:
 
     def _stops(self, rig: RigDescription) -> None:
         """Note the travel of each joint; speeds that no friction opposes come from the angle."""
-        self._ends: list[tuple[int, int, float, float, float]] = []
+        self._ends: list[_Stop] = []
         for joint in rig.joints:
             driven = rig.input_names.index(joint.input)
             angle = rig.output_names.index(joint.angle)
             reach = max(abs(rig.inputs[driven].low), abs(rig.inputs[driven].high))
             force = STOP_REACHES * reach
-            self._ends.append((driven, angle, joint.low, joint.high, force))
+            change = self._c[angle] @ (self._a - np.eye(len(self._a)))
             if not self._levels[driven]:
-                self._speed[driven] = self._c[angle] @ (self._a - np.eye(len(self._a)))
+                self._speed[driven] = change
+            # Of the angle's change for a positive speed of its friction.
+            sign = math.copysign(1.0, float(change @ self._speed[driven]))
+            self._ends.append(_Stop(driven, angle, joint.low, joint.high, force, sign))
 
     @property
     def has_virtual_time(self) -> bool:
@@ -185,30 +200,24 @@ class TwinRig:
         # It loads a compiler, which a description that is only checked does not need.
         from flexarm_ident.models.stick_slip import friction_force  # noqa: PLC0415
 
-        gain = self._speed @ self._b
         for _ in range(steps):
             after = self._a @ self._x + self._b @ (self._u - self._offsets)
             levels = self._levels_at(self._c @ self._x, self._speed @ after)
-            self._x = after - self._b @ friction_force(self._speed @ after, gain, levels)
+            self._x = after - self._b @ friction_force(self._speed @ after, self._gain, levels)
             self._steps += 1
 
     def _levels_at(self, outputs: FloatArray, speeds: FloatArray) -> FloatArray:
         """Return the friction, with the force of a stop that a joint moves against."""
         levels = self._levels
-        for driven, angle, low, high, force in self._ends:
-            outward = self._outward(driven, angle) * speeds[driven]
-            is_against = (outputs[angle] >= high and outward > 0.0) or (
-                outputs[angle] <= low and outward < 0.0
+        for stop in self._ends:
+            outward = stop.sign * speeds[stop.input]
+            is_against = (outputs[stop.angle] >= stop.high and outward > 0.0) or (
+                outputs[stop.angle] <= stop.low and outward < 0.0
             )
             if is_against:
                 levels = levels.copy()
-                levels[driven] = force
+                levels[stop.input] = stop.force
         return levels
-
-    def _outward(self, driven: int, angle: int) -> float:
-        """Return the sign of the angle's change for a positive speed of its friction."""
-        change = self._c[angle] @ (self._a - np.eye(len(self._a)))
-        return math.copysign(1.0, float(change @ self._speed[driven]))
 
 
 def _require_signals(model: control.StateSpace, rig: RigDescription, path: Path) -> None:

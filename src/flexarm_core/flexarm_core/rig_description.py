@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -125,6 +126,11 @@ class Input(Channel):
     rest: float
     raw_per_unit: float
 
+    @property
+    def reach(self) -> float:
+        """Largest change from rest that is possible both ways, in its unit."""
+        return min(self.high - self.rest, self.rest - self.low)
+
 
 @dataclass(frozen=True)
 class Output(Channel):
@@ -183,6 +189,16 @@ class Joint:
     sign: int
     coulomb: float | None
     link_length_m: float
+
+    @property
+    def middle(self) -> float:
+        """Middle of its travel, in the unit of the angle."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def half_travel(self) -> float:
+        """Travel to either side of the middle, in the unit of the angle."""
+        return 0.5 * (self.high - self.low)
 
 
 @dataclass(frozen=True)
@@ -285,8 +301,7 @@ def load_rig(rig: str | Path) -> RigDescription:
     """
     rig = SHORT_NAMES.get(str(rig), rig)
     if str(rig) in packaged():
-        text = files(__package__).joinpath("rigs", "packaged", f"{rig}.yaml").read_text("utf-8")
-        return described(text, f"{rig}.yaml")
+        return _packaged_rig(str(rig))
     path = Path(rig)
     if not path.is_file():
         raise SettingError(
@@ -298,6 +313,12 @@ def load_rig(rig: str | Path) -> RigDescription:
     except (OSError, UnicodeDecodeError) as error:
         raise SettingError(f"{path}: {one_line(error)}") from error
     return described(text, str(path))
+
+
+@cache
+def _packaged_rig(name: str) -> RigDescription:
+    text = files(__package__).joinpath("rigs", "packaged", f"{name}.yaml").read_text("utf-8")
+    return described(text, f"{name}.yaml")
 
 
 def described(text: str, file: str = "rig.yaml") -> RigDescription:

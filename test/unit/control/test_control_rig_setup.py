@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from flexarm_control.loop_setup import PARAMETERS, parameters_in
+from flexarm_control.models.nominal_models import identified_model
 from flexarm_control.rig_setup import RigSetup, first_references, recorded_setup
 from flexarm_control.servo.files import save_controller
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
 from flexarm_control.twin import TwinRig, twin_description
 from flexarm_core.errors import SettingError
-from flexarm_core.rig_description import described
+from flexarm_core.rig_description import described, load_rig
 from flexarm_core.signals import Sample
 from flexarm_daq.loop.limiter import rig_gate
 from flexarm_ident.models.files import save_model
@@ -177,3 +178,22 @@ def test_controller___that_is_replaced___leaves_no_jump(
     loop.replace(other.laws)
     last = samples[-1]._replace(commands=tuple(before.tolist()))
     np.testing.assert_allclose(loop.step(last, (0.5, -0.3))[0], before, atol=1e-12)
+
+
+def test_record___of_a_servo_on_the_thesis_arm___tells_what_a_replay_needs(tmp_path: Path) -> None:
+    """Its text names the rig, so that the set-points stand in the memory, as on every other rig."""
+    request = ServoRequest(("position_v",), {"command_v": 10.0}, bandwidth_hz=1.0)
+    file = tmp_path / "controller.yaml"
+    save_controller(file, design_servo([Source("arm", identified_model())], request).gains)
+    arm = load_rig("thesis")
+    setups = [
+        RigSetup.of(parameters(law="servo", **{"servo.controller": str(file)}), arm),
+        RigSetup.of(parameters(law="pdpc"), arm),
+    ]
+    told = [setup.told_memory(setup.loop(), (0.5,)) for setup in setups]
+    assert [memory.get("references") for memory in told] == [(0.5,), None]
+    assert ["rig" in json.loads(setup.text) for setup in setups] == [True, False]
+    # The record of the servo is read as one of a rig.
+    again = recorded_setup(parameters_in(setups[0].text))
+    again.loop().remember(told[0])
+    assert again.text == setups[0].text

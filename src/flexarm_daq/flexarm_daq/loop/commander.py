@@ -124,8 +124,8 @@ class Commander:
         if command.state_sequence <= self.answered:
             return Verdict.OLD
         counts = self._foreign is None or _counts_on(self._foreign, command)
-        ended = () if self._ended is None else (self._ended.sequence,)
-        is_new = command.sequence not in (*self._spent, *ended)
+        has_ended = self._ended is not None and command.sequence == self._ended.sequence
+        is_new = not has_ended and command.sequence not in self._spent
         return Verdict.ACCEPTED if counts and is_new else Verdict.FOREIGN
 
     def _goes_on(self, command: Command) -> bool:

@@ -1,6 +1,6 @@
-"""Experiment node: answers every sample of `state` with a command of an open-loop experiment.
+"""Experiment node: answers every sample of the rig with a command of an open-loop experiment.
 
-The node is a managed node that takes the controller's place on `command`. It sends no compensation:
+The node is a managed node that takes the controller's place. It sends no compensation:
 the effort is the whole command (2.4.1, 2.4.2). It declares that its commands do not use the
 outputs. The reversal at the bound is a guard that acts a few times in a record, not a loop around
 the arm.
@@ -77,19 +77,18 @@ def driven_inputs(rig: RigDescription, values: Mapping[str, Any]) -> tuple[Drive
     joints = {each.input: each for each in rig.joints}
     found = []
     for number, each in enumerate(rig.inputs):
-        reach = min(each.high - each.rest, each.rest - each.low)
         driven = Driven(
             _excitation(values, number),
             1.0 + number / _PACE,
             rest=each.rest,
-            per_volt=reach / MAX_COMMAND_V,
+            per_volt=each.reach / MAX_COMMAND_V,
             place=None,
         )
         if joint := joints.get(each.name):
             driven = driven._replace(
                 place=rig.output_names.index(joint.angle),
-                middle=0.5 * (joint.low + joint.high),
-                volts_per_unit=joint.sign * 2.0 * TRAVEL_V / (joint.high - joint.low),
+                middle=joint.middle,
+                volts_per_unit=joint.sign * TRAVEL_V / joint.half_travel,
             )
         found.append(driven)
     return tuple(found)
