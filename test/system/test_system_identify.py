@@ -192,7 +192,7 @@ def good_bag(folder: Path) -> Path:
     ("make_bag", "fields", "complaint"),
     [
         (missing, {}, "^/nowhere/run: no such bag$"),
-        (text_file, {}, "notes.txt: no bag: expected a rosbag2 folder or a .mcap or .db3 file"),
+        (text_file, {}, "notes.txt: say which of its columns is what"),
         (text_as_mcap, {}, "notes.mcap: truncated or damaged: .*flexarm bag repair"),
         (plain_folder, {}, "plain: no bag: the folder has no metadata.yaml"),
         (cut_bag, {}, "cut: truncated or damaged: .*flexarm bag repair"),

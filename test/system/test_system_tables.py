@@ -62,7 +62,7 @@ KNOWN = {
     "$max_command_v": 10.0,
     "$input_range_v": 10.0,
     "$topic": "topic",
-    "$laws": list(LAWS),
+    "$laws": [*LAWS, "servo"],
     "$references": ["topic", *REFERENCES],
     "$no_shaper": "none",
     "$shapers": ["none", *SHAPERS],

@@ -168,7 +168,7 @@ def test_up___recorder_killed___arm_goes_on_and_another_recorder_takes_its_place
     (recorder,) = graph.survivors("recorder_node")
     os.kill(recorder, signal.SIGKILL)
 
-    process.wait_for("/parameter_events]'")
+    process.wait_for("/parameter_events")
     printed = " ".join(process.printed.split())
     told = re.search(r"the arm goes on; for another one: \S+ (.*?\]')", printed)
     assert told is not None, printed
