@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
@@ -20,6 +21,7 @@ from flexarm_core.specs import (
     select,
     setting,
 )
+from flexarm_core.waves import Band, multisine
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -155,11 +157,38 @@ class VaryingSquare(Bounded):
 
 
 @dataclass(frozen=True)
+class Multisine(Bounded):
+    """Multisine of odd lines: with a soft law it drives the arm, and the law keeps its place.
+
+    The law's gain of the set-point makes it a command, and so it may lie beyond the travel.
+    """
+
+    magnitude_v: float = setting(1.0, 0.0, 1e6, "V", "peak; times the law's kp it is a command")
+    low_hz: float = setting(0.2, 0.001, 5000.0, "Hz", "lowest frequency of the band")
+    high_hz: float = setting(50.0, 0.001, 5000.0, "Hz", "highest frequency of the band")
+    period_s: float = setting(10.0, 0.01, 3600.0, "s", "period")
+    seed: int = setting(0, 0, 2**31 - 1, "", "seed of the phases")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.band  # noqa: B018 - a band without lines is refused
+
+    @cached_property
+    def band(self) -> Band:
+        """Its band."""
+        return Band(self.low_hz, self.high_hz, self.period_s, odd=True)
+
+    def __call__(self, time_s: float) -> float:
+        """Return the reference in V at a time since the start in s."""
+        return self.magnitude_v * multisine(self.band, self.seed)(time_s)
+
+
+@dataclass(frozen=True)
 class ReferenceSpec:
     """Row of one reference: a sentence for a user, the parameters and the class."""
 
     description: str
-    kind: type[Constant | Step | Square | Sine | Triangle | VaryingSquare]
+    kind: type[Constant | Step | Square | Sine | Triangle | VaryingSquare | Multisine]
 
     @property
     def parameters(self) -> tuple[ParameterSpec, ...]:
@@ -178,6 +207,7 @@ REFERENCES: Mapping[str, ReferenceSpec] = MappingProxyType(
         "varying_square": ReferenceSpec(
             "square wave with random half-periods (C_dat3)", VaryingSquare
         ),
+        "multisine": ReferenceSpec("multisine of a band, behind a soft law", Multisine),
     }
 )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from flexarm_control import REFERENCES, ControlError, build_reference
@@ -104,7 +105,7 @@ def test_travel___80_degrees___is_6_857_v() -> None:
     assert pytest.approx(6.857, abs=5e-4) == TRAVEL_V
 
 
-@pytest.mark.parametrize("name", REFERENCES)
+@pytest.mark.parametrize("name", [name for name in REFERENCES if name != "multisine"])
 @pytest.mark.parametrize("amplitude_v", [6.858, -6.858, math.nan, math.inf])
 def test_reference___amplitude_beyond_the_travel___is_refused(
     name: str, amplitude_v: float
@@ -156,3 +157,19 @@ def test_waves___of_a_quarter_each___go_through_their_corners() -> None:
 def test_wave___out_of_the_travel___is_refused(name: str) -> None:
     with pytest.raises(ControlError, match="leaves the travel"):
         build_reference(name, {"amplitude_v": -5.0, "offset_v": 2.0})
+
+
+def test_multisine___beyond_the_travel_and_of_odd_lines___is_that_of_its_seed() -> None:
+    values = {"magnitude_v": 40.0, "low_hz": 0.5, "high_hz": 20.0, "period_s": 4.0, "seed": 2}
+    reference = build_reference("multisine", values)
+    wave = [reference(k / RATE_HZ) for k in range(4 * RATE_HZ)]
+
+    assert max(map(abs, wave)) == pytest.approx(40.0, rel=0.01)
+    lines = np.abs(np.fft.rfft(wave))
+    # Even harmonics of the period, and all beyond 20 Hz.
+    assert max(lines[::2].max(), lines[81:].max()) < 0.01 * lines.max()
+
+
+def test_multisine_without_lines___is_refused() -> None:
+    with pytest.raises(ControlError, match="must be below high_hz"):
+        build_reference("multisine", {"low_hz": 60.0})

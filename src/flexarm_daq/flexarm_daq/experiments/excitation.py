@@ -1,4 +1,4 @@
-"""Excitation signals of the open-loop and the bounded position experiments (2.4.1, 2.4.2).
+"""Excitation signals: those of the thesis (2.4.1, 2.4.2), and of a chosen band.
 
 An excitation is a pure stepper: time and position in, command out. The same seed gives the same
 signal. Choices that the thesis leaves open are marked as chosen.
@@ -6,13 +6,17 @@ signal. Choices that the thesis leaves open are marked as chosen.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
-from flexarm_core.channels import BOUND_V
+from flexarm_core.channels import BOUND_V, TRAVEL_V
+from flexarm_core.waves import Band, multisine
+from flexarm_daq.experiments.band_waves import BandNoise, binary_sequence, chirp
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -23,6 +27,14 @@ VARYING_HZ: Final = (0.6, 3.0)
 """Frequencies of the varying square waveform (2.4.1, item 3)."""
 HOLD_S: Final = 0.01
 """Hold time of a random magnitude. Chosen here: its spectrum is flat over the modes below 50 Hz."""
+PULSE_S: Final = 0.1
+"""Length of a pulse; another one of the other sign follows it and stops the arm."""
+PAUSE_S: Final = 0.5
+"""Pause behind a pair of pulses."""
+MOVED_V: Final = TRAVEL_V / 50.0
+"""Way of a joint at which it has moved for certain: 1.6 degrees of the thesis's arm."""
+_FIRST_PULSE: Final = 1.0 / 64.0
+_GROWTH: Final = math.sqrt(2.0)
 _ROUNDING_S = 1e-9
 
 
@@ -194,6 +206,73 @@ class Bounded:
             self.held.reset()
 
 
+@dataclass
+class Wave:
+    """Wave that is a function of time alone.
+
+    Attributes
+    ----------
+    magnitude_v : float
+        Its magnitude, V.
+    wave : callable
+        Wave of magnitude 1.
+    """
+
+    magnitude_v: float
+    wave: Callable[[float], float]
+
+    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+        """Return the command at a sample; see `Excitation.step`."""
+        return self.magnitude_v * self.wave(time_s)
+
+    def reset(self) -> None:
+        """Begin again from the start: noise alone has a state."""
+        if isinstance(self.wave, BandNoise):
+            self.wave.reset()
+
+
+@dataclass
+class Pulses:
+    """Pairs of short pulses, up and down, that grow until the joint has moved.
+
+    A pair leaves an arm that rests where it began nearly at rest, whether inertia, friction or a
+    spring holds it. Each pair is higher than the last one by a factor of the root of 2.
+
+    Attributes
+    ----------
+    magnitude_v : float
+        Height of the highest pair, V.
+    moved_v : float
+        Way from the start at which no further pair follows, V.
+    """
+
+    magnitude_v: float
+    moved_v: float = MOVED_V
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def step(self, time_s: float, position_v: float) -> float:
+        """Return the command at a sample; see `Excitation.step`."""
+        if self._start_v is None:
+            self._start_v = position_v
+        number, in_pair_s = divmod(time_s + _ROUNDING_S, PAUSE_S + 2.0 * PULSE_S)
+        self._has_moved |= abs(position_v - self._start_v) >= self.moved_v
+        if number > self._number:
+            self._number = number
+            share = 0.0 if self._has_moved else min(_FIRST_PULSE * _GROWTH**number, 1.0)
+            self._height_v = self.magnitude_v * share
+        into_s = in_pair_s - PAUSE_S
+        if into_s < 0.0:
+            return 0.0
+        return self._height_v if into_s < PULSE_S else -self._height_v
+
+    def reset(self) -> None:
+        """Begin again from the start."""
+        self._start_v: float | None = None
+        self._number, self._height_v, self._has_moved = -1.0, 0.0, False
+
+
 def alternating(time_s: float) -> float:
     """Return a direction that alternates at `DIRECTION_HZ`; see `direction`."""
     return direction(DIRECTION_HZ * (time_s + _ROUNDING_S))
@@ -204,14 +283,31 @@ def direction(periods: float) -> float:
     return 1.0 if (periods + 0.25) % 1.0 < 0.5 else -1.0  # noqa: PLR2004 - half a period
 
 
-#: Every excitation by its name, made from magnitude and seed.
-EXCITATIONS: Final[Mapping[str, Callable[[float, int], Excitation]]] = MappingProxyType(
+class MakeExcitation(Protocol):
+    """Way to make an excitation."""
+
+    def __call__(self, magnitude_v: float, seed: int, band: Band = ..., /) -> Excitation:
+        """Return an excitation of a magnitude, V, and a seed, and of a band where it has one."""
+
+
+def _of_band(wave: Callable[[Band, int], Callable[[float], float]]) -> MakeExcitation:
+    usual = Band()
+    return lambda magnitude_v, seed, band=usual: Wave(magnitude_v, wave(band, seed))
+
+
+#: Every excitation by its name, made from magnitude and seed, and from the band where it has one.
+EXCITATIONS: Final[Mapping[str, MakeExcitation]] = MappingProxyType(
     {
-        "square": lambda magnitude_v, _: Square(magnitude_v),
-        "periodic_random": PeriodicRandom,
-        "varying_square": VaryingSquare,
-        "random": Random,
-        "bounded_constant": lambda magnitude_v, _: Bounded(magnitude_v),
-        "bounded_random": lambda magnitude_v, seed: Bounded(magnitude_v, Held(seed)),
+        "square": lambda magnitude_v, *_: Square(magnitude_v),
+        "periodic_random": lambda magnitude_v, seed, *_: PeriodicRandom(magnitude_v, seed),
+        "varying_square": lambda magnitude_v, seed, *_: VaryingSquare(magnitude_v, seed),
+        "random": lambda magnitude_v, seed, *_: Random(magnitude_v, seed),
+        "bounded_constant": lambda magnitude_v, *_: Bounded(magnitude_v),
+        "bounded_random": lambda magnitude_v, seed, *_: Bounded(magnitude_v, Held(seed)),
+        "multisine": _of_band(multisine),
+        "chirp": _of_band(lambda band, _: partial(chirp, band)),
+        "binary_sequence": _of_band(binary_sequence),
+        "band_noise": _of_band(BandNoise),
+        "pulses": lambda magnitude_v, *_: Pulses(magnitude_v),
     }
 )

@@ -11,7 +11,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_core.channels import BOUND_V, MAX_COMMAND_V, TRAVEL_V, is_thesis_arm
-from flexarm_core.tables import read_table
+from flexarm_core.errors import SettingError
+from flexarm_core.nearest import nearest
+from flexarm_core.specs import select
+from flexarm_core.tables import defaults, read_table
+from flexarm_core.waves import Band
 from flexarm_daq.experiments.excitation import EXCITATIONS, Excitation
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
@@ -26,16 +30,19 @@ if TYPE_CHECKING:
 PARAMETERS = read_table(
     "flexarm_daq.nodes",
     "experiment",
-    {"excitations": tuple(EXCITATIONS), "max_command_v": MAX_COMMAND_V},
+    {"excitations": tuple(EXCITATIONS), "max_command_v": MAX_COMMAND_V, **defaults(Band())},
 )
 
 
 # Inputs beyond the first take a waveform at another pace, by so many parts of the first one's.
 _PACE = 7
+# Their seeds tell those of a multisine apart, whose period a pace would change.
+_EVEN_PACE = frozenset({"multisine", "pulses"})
 
 
 def _excitation(values: Mapping[str, Any], number: int = 0) -> Excitation:
-    return EXCITATIONS[values["waveform"]](values["magnitude_v"], values["seed"] + number)
+    make = EXCITATIONS[values["waveform"]]
+    return make(values["magnitude_v"], values["seed"] + number, select(Band, values))
 
 
 class Driven(NamedTuple):
@@ -71,7 +78,19 @@ class Driven(NamedTuple):
 
 
 def driven_inputs(rig: RigDescription, values: Mapping[str, Any]) -> tuple[Driven, ...]:
-    """Return the excitation of each input: its limits stand for 10 V, its travel for 6.857 V."""
+    """Return the excitation of each input: its limits stand for 10 V, its travel for 6.857 V.
+
+    Raises
+    ------
+    SettingError
+        When the one input that is to be driven is none of the rig's.
+    """
+    only = values["input"]
+    if only and only not in rig.input_names:
+        raise SettingError(
+            f"input = {only!r}: rig {rig.name} has {', '.join(rig.input_names)}"
+            f"{nearest(only, rig.input_names)}"
+        )
     if is_thesis_arm(rig):
         return (Driven(_excitation(values), 1.0),)
     joints = {each.input: each for each in rig.joints}
@@ -79,9 +98,9 @@ def driven_inputs(rig: RigDescription, values: Mapping[str, Any]) -> tuple[Drive
     for number, each in enumerate(rig.inputs):
         driven = Driven(
             _excitation(values, number),
-            1.0 + number / _PACE,
+            1.0 if values["waveform"] in _EVEN_PACE else 1.0 + number / _PACE,
             rest=each.rest,
-            per_volt=each.reach / MAX_COMMAND_V,
+            per_volt=each.reach / MAX_COMMAND_V if only in {"", each.name} else 0.0,
             place=None,
         )
         if joint := joints.get(each.name):
@@ -98,7 +117,7 @@ class ExperimentNode(AnsweringNode):
     """Node that connects parameters and topics to an excitation."""
 
     def __init__(self) -> None:
-        super().__init__("experiment", PARAMETERS, accept=_excitation)
+        super().__init__("experiment", PARAMETERS, accept=_excitation, expected=(SettingError,))
         self.start_if_asked()
 
     def commander(self) -> tuple[str, bool]:

@@ -8,13 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_core.channels import BOUND_V
+from flexarm_core.waves import Band
+from flexarm_daq.experiments.band_waves import binary_sequence
 from flexarm_daq.experiments.excitation import (
     EXCITATIONS,
     HOLD_S,
+    MOVED_V,
+    PAUSE_S,
+    PULSE_S,
     VARYING_HZ,
     Bounded,
     Held,
     PeriodicRandom,
+    Pulses,
     Random,
     Square,
     VaryingSquare,
@@ -49,7 +55,13 @@ def test_every_excitation___keeps_to_its_magnitude_and_repeats_itself(
     assert np.array_equal(signal(EXCITATIONS[name](magnitude_v, seed), 2.0), first)
 
 
-@pytest.mark.parametrize("name", ["periodic_random", "varying_square", "random", "bounded_random"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("periodic_random", "varying_square", "random", "bounded_random"),
+        *("multisine", "binary_sequence", "band_noise"),
+    ],
+)
 def test_random_excitations___differ_from_seed_to_seed(name: str) -> None:
     make = EXCITATIONS[name]
     assert not np.array_equal(signal(make(1.0, 1), 5.0), signal(make(1.0, 2), 5.0))
@@ -114,3 +126,60 @@ def test_bounded___turns_at_the_bounds_and_only_there(held: Held | None) -> None
 
     path = (0.0, 0.99 * BOUND_V, BOUND_V, BOUND_V + 0.5, -0.5, -BOUND_V, -BOUND_V - 0.1, 1.0)
     assert [direction(position_v) for position_v in path] == [1, 1, -1, -1, -1, 1, 1, 1]
+
+
+def test_chirp___passes_through_its_band_evenly() -> None:
+    band = Band(1.0, 21.0, 10.0)
+    excitation = EXCITATIONS["chirp"](2.0, 0, band)
+    commands = signal(excitation, 20.0)
+    crossings_s = np.flatnonzero(np.diff(np.sign(commands[:3000]))) / RATE_HZ
+
+    # The phase of an even rise from 1 to 21 Hz in 10 s is 1 t + 1 t^2 turns.
+    turns = crossings_s + crossings_s**2
+    np.testing.assert_allclose(np.diff(turns), 0.5, atol=0.15)
+    np.testing.assert_allclose(commands[:3000], commands[3000:], atol=1e-6)
+    assert np.max(np.abs(commands)) == pytest.approx(2.0, abs=0.01)
+
+
+@pytest.mark.parametrize("period_s", [1.0, 5.0, 60.0])
+def test_binary_sequence___has_the_correlation_of_maximum_length(period_s: float) -> None:
+    sequence = binary_sequence(Band(0.1, 44.0, period_s), 3)
+    count = len(sequence.bits)
+    lags = np.fft.ifft(np.abs(np.fft.fft(sequence.bits)) ** 2).real
+
+    assert count >= period_s / 0.01 > count / 2 - 1
+    # One at no lag, and -1 / n at all others (Golomb).
+    assert lags[0] == pytest.approx(count)
+    np.testing.assert_allclose(lags[1:], -1.0, atol=1e-6 * count)
+
+
+def test_band_noise___stays_in_its_band() -> None:
+    commands = signal(EXCITATIONS["band_noise"](3.0, 1, Band(2.0, 20.0)), 200.0)
+    power = np.abs(np.fft.rfft(commands)) ** 2
+    frequencies_hz = np.fft.rfftfreq(len(commands), 1.0 / RATE_HZ)
+    within = (frequencies_hz >= 1.5) & (frequencies_hz <= 25.0)
+
+    assert power[within].sum() > 0.95 * power.sum()
+    # Three deviations are the magnitude.
+    assert commands.std() == pytest.approx(1.0, rel=0.1)
+
+
+def test_pulses___grow_by_the_root_of_two_and_end_when_the_joint_has_moved() -> None:
+    excitation = Pulses(8.0)
+    pair_s = PAUSE_S + 2.0 * PULSE_S
+    heights = []
+    for number in range(8):
+        begins_s = number * pair_s + PAUSE_S
+        moved = number == 5
+        heights.append(excitation.step(begins_s + 0.01, 0.0))
+        assert excitation.step(begins_s + PULSE_S + 0.01, MOVED_V * moved) == -heights[-1]
+        assert excitation.step(begins_s + 2.0 * PULSE_S + 0.01, MOVED_V * moved) == 0.0
+
+    np.testing.assert_allclose(heights[:6], 8.0 / 64.0 * 2.0 ** (np.arange(6) / 2.0))
+    assert heights[6:] == [0.0, 0.0]
+    excitation.reset()
+    assert excitation.step(PAUSE_S + 0.01, 0.0) == heights[0]
+
+
+def test_pulses_on_a_joint_that_does_not_move___end_at_the_magnitude() -> None:
+    assert np.max(signal(Pulses(8.0), 60.0)) == pytest.approx(8.0)
