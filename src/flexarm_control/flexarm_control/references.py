@@ -158,9 +158,10 @@ class VaryingSquare(Bounded):
 
 @dataclass(frozen=True)
 class Multisine(Bounded):
-    """Multisine of odd lines: with a soft law it drives the arm, and the law keeps its place.
+    """Multisine of odd lines with equal power in each octave.
 
-    The law's gain of the set-point makes it a command, and so it may lie beyond the travel.
+    With a soft law it drives the arm, and the law keeps its place. The law's gain of the set-point
+    makes it a command, and so it may lie beyond the travel.
     """
 
     magnitude_v: float = setting(1.0, 0.0, 1e6, "V", "peak; times the law's kp it is a command")
@@ -176,7 +177,7 @@ class Multisine(Bounded):
     @cached_property
     def band(self) -> Band:
         """Its band."""
-        return Band(self.low_hz, self.high_hz, self.period_s, odd=True)
+        return Band(self.low_hz, self.high_hz, self.period_s, odd=True, octaves=True)
 
     def __call__(self, time_s: float) -> float:
         """Return the reference in V at a time since the start in s."""

@@ -43,6 +43,10 @@ class Band(Bounded):
         default=False,
         metadata={"description": "multisine: odd lines alone, of which one in four is left out"},
     )
+    octaves: bool = field(
+        default=False,
+        metadata={"description": "multisine: equal power in each octave, not at each line"},
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -79,32 +83,32 @@ class Multisine(NamedTuple):
         Its period, s.
     harmonics : ndarray of int, (lines,)
         Numbers of its lines.
-    amplitude : float
-        Amplitude of each line.
+    amplitudes : ndarray, (lines,)
+        Amplitudes of the lines.
     phases : ndarray, (lines,)
         Phases, rad.
     """
 
     period_s: float
     harmonics: NDArray[np.int64]
-    amplitude: float
+    amplitudes: FloatArray
     phases: FloatArray
 
     def __call__(self, time_s: float) -> float:
         """Return the value at a time, within -1 to 1."""
         turned = math.tau * ((time_s / self.period_s) % 1.0)
-        value = self.amplitude * float(np.cos(self.harmonics * turned + self.phases).sum())
+        value = float(self.amplitudes @ np.cos(self.harmonics * turned + self.phases))
         return min(max(value, -1.0), 1.0)
 
     @property
     def crest(self) -> float:
         """Peak over root mean square."""
-        return 1.0 / (self.amplitude * math.sqrt(0.5 * len(self.harmonics)))
+        return 1.0 / math.sqrt(0.5 * float(self.amplitudes @ self.amplitudes))
 
 
 @cache
 def multisine(band: Band, seed: int) -> Multisine:
-    """Return a multisine of a flat spectrum with random phases, and a small crest factor.
+    """Return a multisine with random phases and a small crest factor.
 
     The phases of the seed are improved by clipping (Van der Ouderaa, Schoukens and Renneboog, "Peak
     factor minimization using a time-frequency domain swapping algorithm", IEEE Transactions on
@@ -125,12 +129,13 @@ def multisine(band: Band, seed: int) -> Multisine:
         left_out = left_out + random.integers(0, _GROUP, len(left_out))
         kept = np.setdiff1d(np.arange(len(harmonics)), left_out)
         harmonics = harmonics[kept] if len(kept) else harmonics
+    sizes = harmonics**-0.5 if band.octaves else np.ones(len(harmonics))
     samples = 1 << int(_OVERSAMPLING * harmonics[-1]).bit_length()
     spectrum = np.zeros(samples // 2 + 1, dtype=complex)
     best_peak, best = math.inf, spectrum
     phases = random.uniform(0.0, math.tau, len(harmonics))
     for clip in np.linspace(*_CLIPS, _CLIPPINGS):
-        spectrum[harmonics] = np.exp(1j * phases)
+        spectrum[harmonics] = sizes * np.exp(1j * phases)
         wave = np.fft.irfft(spectrum, samples)
         peak = float(np.abs(wave).max())
         if peak < best_peak:
@@ -146,5 +151,5 @@ def multisine(band: Band, seed: int) -> Multisine:
     before, after = ground[place], ground[(place + 1) % samples]
     start = float(place + before / (before - after))
     turned = np.angle(best[harmonics]) + math.tau * start / samples * harmonics
-    amplitude = 2.0 / samples / best_peak
-    return Multisine(band.period_s, harmonics, amplitude, np.angle(np.exp(1j * turned)))
+    amplitudes = np.asarray(sizes * (2.0 / samples / best_peak), dtype=np.float64)
+    return Multisine(band.period_s, harmonics, amplitudes, np.angle(np.exp(1j * turned)))

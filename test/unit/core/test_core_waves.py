@@ -28,8 +28,8 @@ def test_multisine___has_equal_lines_in_its_band_alone(seed: int, *, odd: bool) 
     within = np.zeros(len(lines), dtype=bool)
     within[wave.harmonics] = True
     # The peak between samples of the search is cut off, by half a percent at most.
-    np.testing.assert_allclose(lines[within], wave.amplitude, rtol=0.02)
-    assert lines[~within].max() < 0.005 * wave.amplitude * np.sqrt(within.sum())
+    np.testing.assert_allclose(lines[within], wave.amplitudes[0], rtol=0.02)
+    assert lines[~within].max() < 0.005 * wave.amplitudes[0] * np.sqrt(within.sum())
     assert wave.harmonics.min() >= 5
     assert wave.harmonics.max() <= 400
     if odd:
@@ -82,3 +82,14 @@ def test_multisine___repeats_itself_and_differs_from_seed_to_seed() -> None:
 def test_band_without_lines___is_refused(band: tuple[float, float, float], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         Band(*band)
+
+
+def test_multisine_of_even_octaves___has_equal_power_in_each() -> None:
+    wave = multisine(Band(0.25, 32.0, 40.0, octaves=True), 1)
+    at_hz = wave.harmonics / 40.0
+    octaves = [(at_hz >= low) & (at_hz < 2.0 * low) for low in 0.25 * 2.0 ** np.arange(7)]
+    powers = [float(np.sum(wave.amplitudes[each] ** 2)) for each in octaves]
+
+    # A sum over lines is a little more than the integral over an octave of ten lines.
+    np.testing.assert_allclose(powers, powers[-1], rtol=0.06)
+    assert wave.crest < 1.7

@@ -248,9 +248,10 @@ class Pulses:
 
     magnitude_v: float
     moved_v: float = MOVED_V
-
-    def __post_init__(self) -> None:
-        self.reset()
+    _start_v: float | None = field(default=None, init=False, repr=False)
+    _number: float = field(default=-1.0, init=False, repr=False)
+    _height_v: float = field(default=0.0, init=False, repr=False)
+    _has_moved: bool = field(default=False, init=False, repr=False)
 
     def step(self, time_s: float, position_v: float) -> float:
         """Return the command at a sample; see `Excitation.step`."""
@@ -269,7 +270,7 @@ class Pulses:
 
     def reset(self) -> None:
         """Begin again from the start."""
-        self._start_v: float | None = None
+        self._start_v = None
         self._number, self._height_v, self._has_moved = -1.0, 0.0, False
 
 
@@ -290,7 +291,7 @@ class MakeExcitation(Protocol):
         """Return an excitation of a magnitude, V, and a seed, and of a band where it has one."""
 
 
-def _of_band(wave: Callable[[Band, int], Callable[[float], float]]) -> MakeExcitation:
+def _of_band(wave: Callable[..., Callable[[float], float]]) -> MakeExcitation:
     usual = Band()
     return lambda magnitude_v, seed, band=usual: Wave(magnitude_v, wave(band, seed))
 
