@@ -20,6 +20,7 @@ GROUPS = {
         "completion": "health.completion:completion",
     },
     "Measure": {
+        "commission": "commissioning.commission:commission",
         "experiment": "laboratory.experiment:experiment",
         "catalogue": "laboratory.experiment:catalogue",
         "import": "offline.bags:import_",

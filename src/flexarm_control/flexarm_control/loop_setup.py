@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from flexarm_core.rig_description import RigDescription
     from flexarm_core.specs import ParameterSpec
 
+_WAVE_SEED = "multisine.seed"
 TOPIC = "topic"
 """The reference comes from the service and the topic, and not from a built-in profile."""
 
@@ -105,7 +106,8 @@ class Setup:
     def of_joints(cls, values: Mapping[str, Any], rig: RigDescription) -> tuple[Setup, ...]:
         """Build law and reference of each joint of a rig that is not the thesis's arm.
 
-        The compensation of friction is that of the rig's description.
+        The compensation of friction is that of the rig's description. A multisine has phases of its
+        own for each joint, by which an identification tells the inputs apart.
 
         Raises
         ------
@@ -116,10 +118,11 @@ class Setup:
         require_known_outputs(LAWS[name], rig)
         level = f"{name}.compensation_v"
         made = []
-        for joint in rig.joints:
+        for number, joint in enumerate(rig.joints):
             own = {level: compensation_v(rig, joint)} if level in values else {}
             rate = {f"{name}.rate_hz": rig.rate_hz} if f"{name}.rate_hz" in values else {}
-            made.append(cls.of({**values, **own, **rate}))
+            seed = {_WAVE_SEED: values.get(_WAVE_SEED, 0) + number}
+            made.append(cls.of({**values, **own, **rate, **seed}))
         return tuple(made)
 
     @classmethod

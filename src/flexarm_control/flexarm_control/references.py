@@ -24,7 +24,7 @@ from flexarm_core.specs import (
 from flexarm_core.waves import Band, multisine
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
 # Sample instants k * dt have rounding errors; a switch within this time counts as past.
 _ROUNDING_S = 1e-9
@@ -172,16 +172,16 @@ class Multisine(Bounded):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.band  # noqa: B018 - a band without lines is refused
+        self._wave  # noqa: B018 - a band without lines is refused
 
     @cached_property
-    def band(self) -> Band:
-        """Its band."""
-        return Band(self.low_hz, self.high_hz, self.period_s, odd=True, octaves=True)
+    def _wave(self) -> Callable[[float], float]:
+        band = Band(self.low_hz, self.high_hz, self.period_s, odd=True, octaves=True)
+        return multisine(band, self.seed)
 
     def __call__(self, time_s: float) -> float:
         """Return the reference in V at a time since the start in s."""
-        return self.magnitude_v * multisine(self.band, self.seed)(time_s)
+        return self.magnitude_v * self._wave(time_s)
 
 
 @dataclass(frozen=True)

@@ -184,13 +184,13 @@ class RigSetup:
         return bool(self.setups) and self.setups[0].profile is not None
 
     def profile(self, time_s: float) -> tuple[float, ...]:
-        """Return the set-points of the built-in reference, which every joint follows."""
-        reference = self.setups[0].profile
-        assert reference is not None  # noqa: S101 - see `has_profile`
-        reference_v = reference(time_s)
+        """Return the set-points of the built-in references of the joints."""
+        profiles = [each.profile for each in self.setups]
+        values_v = [0.0 if each is None else each(time_s) for each in profiles]
         if is_thesis_arm(self.rig):
-            return (reference_v,)
-        return tuple(way.reference(reference_v) for way in self._ways)
+            return tuple(values_v)
+        pairs = zip(self._ways, values_v, strict=True)
+        return tuple(way.reference(value_v) for way, value_v in pairs)
 
     @cached_property
     def _ways(self) -> tuple[JointWay, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cache
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -106,7 +105,6 @@ class Multisine(NamedTuple):
         return 1.0 / math.sqrt(0.5 * float(self.amplitudes @ self.amplitudes))
 
 
-@cache
 def multisine(band: Band, seed: int) -> Multisine:
     """Return a multisine with random phases and a small crest factor.
 

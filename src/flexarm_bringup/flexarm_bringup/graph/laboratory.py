@@ -40,6 +40,17 @@ LABORATORY = ("recorder", "ident", "controller", "daq")
 """The nodes of a running laboratory, in the order in which they start."""
 
 
+# What is changed in a run is in its record: `law` tells the law, this the payload and the limits.
+_OF_ANY = ["commander", "law", "rig_description", "/parameter_events"]
+
+
+def recorded_topics(*, is_thesis: bool) -> list[str]:
+    """Return the topics that a record of a running arm has, the thesis's or any other one."""
+    if is_thesis:
+        return [*_OF_ANY, "state", "command", "reference"]
+    return [*_OF_ANY, "io", "io_channels", "io_command", "io_reference"]
+
+
 @contextmanager
 def running_graph(
     parameters: Mapping[str, Mapping[str, Any]],

@@ -113,6 +113,7 @@ class RunWatch:
             int(figures["missed periods"]),
             float(figures["real-time factor"]),
             off_rate=figures["off rate"],
+            reply_s=1e-3 * float(figures["reply p50 ms"]),
         )
 
     def _on_report(self, message: DiagnosticArray) -> None:

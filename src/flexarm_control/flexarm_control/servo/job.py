@@ -144,6 +144,8 @@ class ServoDesign:
         The design with its margins.
     plants : dict of str to control.StateSpace
         Plants of the design by name.
+    twin : Twin
+        Twin of the first model.
     steps : ndarray, (tracked,)
         Steps of the tracked outputs on the twins.
     run : Run
@@ -159,6 +161,7 @@ class ServoDesign:
     gains: ServoGains
     choice: Choice
     plants: dict[str, control.StateSpace]
+    twin: Twin
     steps: FloatArray
     run: Run
     results: tuple[StepResult, ...]
@@ -222,7 +225,7 @@ def design_servo(
         others.append(step_run(servo, perturbed(twin, seed, SPREAD), steps, seconds, seed=seed))
         progress("twins", seed / TWINS)
     results = step_results(servo, run, steps)
-    return ServoDesign(gains, choice, plants, steps, run, results, tuple(others), notes)
+    return ServoDesign(gains, choice, plants, twin, steps, run, results, tuple(others), notes)
 
 
 def _require_alike(sources: Sequence[Source]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -66,7 +65,6 @@ class BinarySequence(NamedTuple):
         return float(self.bits[int((time_s + _ROUNDING_S) / self.bit_s) % len(self.bits)])
 
 
-@cache
 def binary_sequence(band: Band, seed: int) -> BinarySequence:
     """Return a sequence with half of its power below the band's end, and at least its period.
 

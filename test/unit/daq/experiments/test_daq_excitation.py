@@ -175,7 +175,7 @@ def test_pulses___grow_by_the_root_of_two_and_end_when_the_joint_has_moved() -> 
         assert excitation.step(begins_s + PULSE_S + 0.01, MOVED_V * moved) == -heights[-1]
         assert excitation.step(begins_s + 2.0 * PULSE_S + 0.01, MOVED_V * moved) == 0.0
 
-    np.testing.assert_allclose(heights[:6], 8.0 / 64.0 * 2.0 ** (np.arange(6) / 2.0))
+    np.testing.assert_allclose(heights[:6], 8.0 / 32.0 * 2.0 ** (np.arange(6) / 2.0))
     assert heights[6:] == [0.0, 0.0]
     excitation.reset()
     assert excitation.step(PAUSE_S + 0.01, 0.0) == heights[0]

@@ -79,11 +79,30 @@ def check(rig_file: str) -> None:
     """
     description = load_rig(rig_file)
     click.echo(_summary(description))
+    check_at_rest(description, Path() if rig_file in packaged() else Path(rig_file).parent)
+
+
+def check_at_rest(description: RigDescription, folder: Path) -> dict[str, str]:
+    """Sample a rig for 2 s with its drives at rest, and print each channel.
+
+    Readings that are no numbers, or at the end of their range, are returned by output.
+
+    Parameters
+    ----------
+    description : RigDescription
+        The rig.
+    folder : Path
+        Folder of its description.
+
+    Raises
+    ------
+    RigError
+        When it cannot be read.
+    """
     from flexarm_daq.drivers.at_rest import read_at_rest  # noqa: PLC0415 - drivers load numba
     from flexarm_daq.drivers.registry import driven  # noqa: PLC0415
 
-    driver = driven(description, Path() if rig_file in packaged() else Path(rig_file).parent)
-    reading = read_at_rest(driver, description, _READ_S)
+    reading = read_at_rest(driven(description, folder), description, _READ_S)
     if reading.about:
         click.echo(reading.about)
     terminal.show_table(_table(description, reading))
@@ -94,6 +113,12 @@ def check(rig_file: str) -> None:
             f"caution: the rate is {100.0 * off:.1f} % off rate_hz = {description.rate_hz:g}: so "
             "would be every identified frequency"
         )
+    faults = {
+        output.name: _fault(output, reading.values(channel, output))
+        for channel, output in enumerate(description.outputs)
+        if not output.absent
+    }
+    return {name: fault for name, fault in faults.items() if fault}
 
 
 def _summary(rig: RigDescription) -> str:
@@ -140,10 +165,17 @@ def _remark(output: Output, values: np.ndarray) -> str:
     """Return what is odd about the readings of an output."""
     if output.absent:
         return "absent"
+    if fault := _fault(output, values):
+        return fault
+    return "" if np.ptp(values) > 0.0 else "stands still: no noise, or not wired"
+
+
+def _fault(output: Output, values: np.ndarray) -> str:
+    """Return why readings of an output are of no use, or nothing."""
     if not np.isfinite(values).all():
         return "not a number: check the wiring"
     margin = _NEAR_END * (output.high - output.low)
     clips = values.min() < output.low + margin or values.max() > output.high - margin
     if margin < np.inf and output.wrap is None and clips:
         return "at the end of its range: check wiring and scale"
-    return "" if np.ptp(values) > 0.0 else "stands still: no noise, or not wired"
+    return ""

@@ -16,7 +16,7 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
+from flexarm_bringup.graph.laboratory import LABORATORY, recorded_topics, running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.laboratory.live_page import (
     PAGE_NODE,
@@ -81,11 +81,10 @@ class _Settings:
     foxglove_port: int | None
     compose: bool
 
-
-# What is changed in a run is in its record: `law` tells the law, this the payload and the limits.
-_OF_ANY = ["commander", "law", "rig_description", "/parameter_events"]
-_RECORDED = [*_OF_ANY, "state", "command", "reference"]
-_RECORDED_IO = [*_OF_ANY, "io", "io_channels", "io_command", "io_reference"]
+    @property
+    def is_thesis(self) -> bool:
+        """Whether the rig has the signals of the thesis's arm."""
+        return is_thesis_arm(load_rig(self.rig))
 
 
 @click.command()
@@ -167,7 +166,7 @@ def up(
     the exit code is 1 then. The end of the DAQ node is that of all.
     """
     if twin is not None:
-        rig = str(_twin_rig(twin))
+        rig = str(twin_rig(twin))
     description = load_rig(rig)
     is_thesis = is_thesis_arm(description)
     if rig not in SHORT_NAMES and rate_hz not in (None, description.rate_hz):
@@ -181,7 +180,7 @@ def up(
         law=law or _usual_law(settings["controller"], is_thesis=is_thesis),
         **settings,
     )
-    _run_graph(chosen, is_thesis=is_thesis)
+    _run_graph(chosen)
 
 
 def _usual_law(controller: Path | None, *, is_thesis: bool) -> str:
@@ -190,7 +189,7 @@ def _usual_law(controller: Path | None, *, is_thesis: bool) -> str:
     return "pdpc" if is_thesis else "pd"
 
 
-def _twin_rig(model: Path) -> Path:
+def twin_rig(model: Path) -> Path:
     """Write the description of a model's twin, where there is none, and say where it is."""
     from flexarm_control.twin import twin_description  # noqa: PLC0415 - others load no models
 
@@ -204,7 +203,7 @@ def _twin_rig(model: Path) -> Path:
     return file
 
 
-def _run_graph(settings: _Settings, *, is_thesis: bool) -> None:
+def _run_graph(settings: _Settings) -> None:
     if settings.foxglove_port is not None:
         require_foxglove()
     bag = settings.bag
@@ -219,7 +218,7 @@ def _run_graph(settings: _Settings, *, is_thesis: bool) -> None:
         "daq": daq | settings.pace.parameters() | rig,
         "controller": _controller(settings) | rig,
         "experiment": rig,
-        "recorder": {"topics": _RECORDED if is_thesis else _RECORDED_IO},
+        "recorder": {"topics": recorded_topics(is_thesis=settings.is_thesis)},
     }
     nodes: tuple[str, ...] = LABORATORY
     if settings.page is not None:
@@ -339,7 +338,8 @@ def _stay(
         return " ".join([f"-p autostart:=true -p listeners:={readers}", *files, own])
 
     def recorder() -> str:
-        return f"-p bag:=NEW_BAG -p 'topics:=[{', '.join(_RECORDED)}]'"
+        topics = recorded_topics(is_thesis=settings.is_thesis)
+        return f"-p bag:=NEW_BAG -p 'topics:=[{', '.join(topics)}]'"
 
     words_of = {"controller_node": controller, "recorder_node": recorder}
     lost = LostNodes(processes, operator.namespace, words_of)

@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from flexarm_control.servo.job import ServoRequest, Source
+    from flexarm_control.servo.job import ServoDesign, ServoRequest, Source
 
 CONTROLLER_FILE, C_FILE = "controller.yaml", "controller.h"
 _SUMMARY_FILE, _REPORT_FILE = "summary.json", "report.html"
+_FILES = (CONTROLLER_FILE, C_FILE, _SUMMARY_FILE, _REPORT_FILE)
 _MODELS_FOLDER = "models"
 _MODEL_FILES = frozenset({".yaml", ".yml", ".json"})
 
@@ -103,20 +104,34 @@ def run_servo(paths: Sequence[Path], out: Path, options: dict[str, Any], *, forc
     FlexarmError
         When a record has no model, or a model no such servo.
     """
-    # They load python-control.
-    from flexarm_control.servo.c_code import c_controller  # noqa: PLC0415 - not for the help
-    from flexarm_control.servo.files import save_controller  # noqa: PLC0415
-    from flexarm_control.servo.job import design_servo  # noqa: PLC0415
-    from flexarm_control.servo.report import report, summary, told  # noqa: PLC0415
+    # It loads python-control.
+    from flexarm_control.servo.job import design_servo  # noqa: PLC0415 - not for the help
 
-    names = (CONTROLLER_FILE, C_FILE, _SUMMARY_FILE, _REPORT_FILE)
-    require_place([out / name for name in names], force=force)
+    require_place([out / name for name in _FILES], force=force)
     request = _request(options)
     sources = _sources(paths, out, options, force=force)
     with terminal.busy(f"designing servo on {len(sources)} model{'s' * (len(sources) != 1)}"):
         design = design_servo(sources, request)
+    write_servo(design, [source.name for source in sources], out)
+
+
+def write_servo(design: ServoDesign, models: list[str], out: Path) -> None:
+    """Write a design with its report into a folder, and print it.
+
+    Parameters
+    ----------
+    design : ServoDesign
+        The design.
+    models : list of str
+        Names of its models.
+    out : Path
+        Folder, which is made.
+    """
+    from flexarm_control.servo.c_code import c_controller  # noqa: PLC0415 - not for the help
+    from flexarm_control.servo.files import save_controller  # noqa: PLC0415
+    from flexarm_control.servo.report import report, summary, told  # noqa: PLC0415
+
     out.mkdir(parents=True, exist_ok=True)
-    models: list[str] = [source.name for source in sources]
     save_controller(out / CONTROLLER_FILE, design.gains, {"models": models})
     (out / C_FILE).write_text(c_controller(design.gains), "utf-8")
     (out / _SUMMARY_FILE).write_text(json.dumps(summary(design), indent=2) + "\n", "utf-8")

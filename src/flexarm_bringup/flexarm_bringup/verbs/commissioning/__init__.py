@@ -1,0 +1,1 @@
+"""Verb commission: an unknown arm measured, modelled and controlled."""

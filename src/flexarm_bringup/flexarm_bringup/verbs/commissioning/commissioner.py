@@ -1,0 +1,284 @@
+"""Course of a commissioning, stage by stage, with what each one found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from flexarm_bringup.console import terminal
+from flexarm_control.commissioning.answers import (
+    ArmFaultError,
+    accuracy,
+    friction_levels,
+    judge_pulses,
+    require_all_answer,
+    soft_loop,
+)
+from flexarm_control.commissioning.programme import PARTS, PERIOD_S, RAMP_S, Programme
+from flexarm_control.servo.controller import Servo
+from flexarm_control.servo.job import ServoRequest, Source, design_servo
+from flexarm_control.servo.twin import Run, step_results, step_run
+from flexarm_core.waves import multisine
+from flexarm_ident.diagnostics.best_linear import best_linear_approximation
+from flexarm_ident.diagnostics.verdict import Level
+from flexarm_ident.job import identify_bags
+from flexarm_ident.workflow.request import Request
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from flexarm_bringup.verbs.commissioning.state import State
+    from flexarm_control.commissioning.answers import Friction, PulseAnswer, SoftLoop
+    from flexarm_control.commissioning.programme import Measurement
+    from flexarm_control.servo.job import ServoDesign
+    from flexarm_control.servo.twin import StepResult
+    from flexarm_core.arrays import FloatArray
+    from flexarm_core.rig_description import RigDescription
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.workflow.results import Results
+
+CONTROLLER_FILE = "servo/controller.yaml"
+MODELS_FOLDER = "models"
+# A part that grows by less is no other experiment: it adds data to the last one.
+_GROWS = 1.2
+# Part of the travel that a step covers at most: to either side of the middle.
+_MOST_STEP = 0.5
+
+
+class Arm(Protocol):
+    """Where measurements are made; `delay_s` is the delay of its loop, s."""
+
+    delay_s: float
+
+    def bag(self, name: str) -> Path:
+        """Return the place of a bag."""
+
+    def measured(self, wanted: Measurement) -> IoData:
+        """Return the record of a measurement, which is made unless its bag is there."""
+
+    def record(self, name: str) -> IoData:
+        """Return the record in a bag."""
+
+    def forget(self, name: str) -> None:
+        """Remove a bag."""
+
+    def set_references(self, values: Mapping[str, float]) -> None:
+        """Give the controller set-points by output."""
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Steps on the arm beside those that were predicted.
+
+    Attributes
+    ----------
+    arm, twin : Run
+        Outputs from where they were, and commands.
+    steps : ndarray, (tracked,)
+        The steps.
+    results, predicted : tuple of StepResult
+        Figures of both.
+    """
+
+    arm: Run
+    twin: Run
+    steps: FloatArray
+    results: tuple[StepResult, ...]
+    predicted: tuple[StepResult, ...]
+
+
+class Commissioner:
+    """Commissioning of one arm.
+
+    Parameters
+    ----------
+    arm : Arm
+        Where it is measured.
+    rig : RigDescription
+        Its description.
+    state : State
+        What was found before, and the goal.
+    """
+
+    def __init__(self, arm: Arm, rig: RigDescription, state: State) -> None:
+        self._arm, self._rig, self._state = arm, rig, state
+        self._programme = Programme(rig)
+        self._folder = state.folder
+
+    def answers(self) -> tuple[PulseAnswer, ...]:
+        """Pulse each joint, and refuse wrong wiring, dead sensors and stuck joints."""
+        found = []
+        for number, joint in enumerate(self._rig.joints):
+            terminal.step(f"Pulses on {joint.input}, growing until {joint.angle} moves")
+            record = self._arm.measured(self._programme.pulses(number))
+            answer = judge_pulses(record, self._rig, joint)
+            units = self._rig.output(joint.angle).unit, self._rig.input(joint.input).unit
+            terminal.CONSOLE.print(
+                f"  {joint.angle} moves by {answer.way:.3g} {units[0]} at {answer.height:.3g} "
+                f"{units[1]}: {answer.gain:.3g} {units[0]}/s² for 1 {units[1]} at least"
+            )
+            found.append(answer)
+        require_all_answer(found, self._rig)
+        self._state.note("pulses", [each._asdict() for each in found])
+        return tuple(found)
+
+    def friction(self, loop: SoftLoop) -> tuple[Friction, ...]:
+        """Move all joints slowly in the soft loop."""
+        terminal.step("Slow motion in a soft position loop, for the friction")
+        record = self._arm.measured(self._programme.friction(loop))
+        delay_s = self._arm.delay_s or self._state.found.get("loop", {}).get("delay_s", 0.0)
+        self._state.note("loop", {"delay_s": delay_s, "samples": len(record)})
+        terminal.CONSOLE.print(
+            f"  {len(record)} samples at {1.0 / record.dt_s:.5g} Hz, delay of the loop "
+            f"{1e3 * delay_s:.2g} ms"
+        )
+        found = friction_levels(record, self._rig, RAMP_S)
+        for each, joint in zip(found, self._rig.joints, strict=True):
+            unit = self._rig.input(joint.input).unit
+            terminal.CONSOLE.print(
+                f"  {each.joint}: {each.level:.3g} ± {each.deviation:.2g} {unit} of friction, "
+                f"{each.offset:+.2g} {unit} to rest"
+            )
+        self._state.note("friction", [each._asdict() for each in found])
+        return found
+
+    def model(self, loop: SoftLoop, friction: Sequence[Friction]) -> Results:
+        """Excite in growing parts and identify after each, until the model is good enough."""
+        magnitude_v = self._programme.first_v(friction)
+        bags: list[Path] = []
+        hindrance = ""
+        for number in range(1, PARTS + 1):
+            wanted = self._programme.part(number, magnitude_v, loop, friction)
+            terminal.step(
+                f"Part {number} of {PARTS} at most: multisine of {10.0 * magnitude_v:.0f} % of the "
+                f"limits, {wanted.length_s:.0f} s"
+            )
+            record = self._arm.measured(wanted)
+            self._show_distortion(record, wanted)
+            bags.append(self._arm.bag(wanted.name))
+            growth = self._programme.growth(record, magnitude_v)
+            key = wanted.name
+            known = self._state.found.get(key)
+            results = None
+            if known is None or known["enough"] or number == PARTS:
+                results = self._identified(bags, key)
+                hindrance = self._hindrance(results)
+                self._state.note(key, {"magnitude_v": magnitude_v, "enough": not hindrance})
+                if not hindrance:
+                    return results
+            if number == PARTS:
+                break
+            if growth >= _GROWS:
+                magnitude_v *= growth
+                bags.clear()
+        assert results is not None  # noqa: S101 - the last part is identified in any case
+        level = results.outcome.verdict.level
+        terminal.note(f"caution: {hindrance} after {PARTS} parts")
+        if level > Level.USABLE:
+            raise ArmFaultError(
+                f"no model to design with after {PARTS} parts: {hindrance}; see "
+                f"{results.folder / 'report.html'}"
+            )
+        return results
+
+    def design(self, results: Results) -> ServoDesign:
+        """Design the servo on the model that was found."""
+        outcome = results.outcome
+        source = Source(results.name, outcome.model, outcome.friction, outcome.records[0])
+        limits = {each.name: each.reach for each in self._rig.inputs}
+        with terminal.busy("designing servo"):
+            delay_s = self._state.found["loop"]["delay_s"]
+            request = ServoRequest(self._rig.tracked, limits, delay_s=delay_s)
+            return design_servo([source], request)
+
+    def step(self, design: ServoDesign) -> Steps:
+        """Step the arm with the new controller, beside the twin of the model."""
+        servo = Servo(design.gains)
+        controller = str((self._folder / CONTROLLER_FILE).absolute())
+        seconds = len(design.run.y) / design.gains.rate_hz
+        terminal.step(f"Step with the new controller, {seconds:.0f} s")
+        joints = {each.angle: each for each in self._rig.joints}
+        places = [self._rig.output_names.index(name) for name in design.gains.tracked]
+        if not self._arm.bag("step").exists():
+            self._arm.forget("hold")
+        held = self._arm.measured(self._programme.servo("hold", controller))
+        start = held.y[-round(0.2 * len(held)) :].mean(axis=0)[places]
+        steps = np.array(design.steps)
+        targets = {}
+        for number, name in enumerate(design.gains.tracked):
+            if joint := joints.get(name):
+                most = _MOST_STEP * joint.half_travel
+                towards = 1.0 if start[number] <= joint.middle else -1.0
+                steps[number] = towards * min(abs(steps[number]), most)
+            targets[name] = float(start[number] + steps[number])
+        if not self._arm.bag("step").exists():
+            self._arm.set_references(targets)
+        record = self._arm.measured(self._programme.servo("step", controller, seconds))
+        twin = step_run(servo, design.twin, steps, seconds, seed=0)
+        y = record.y.copy()
+        y[:, places] -= start
+        arm = Run(y, record.u)
+        found = Steps(
+            arm, twin, steps, step_results(servo, arm, steps), step_results(servo, twin, steps)
+        )
+        for size, mine, other in zip(steps, found.results, found.predicted, strict=True):
+            terminal.CONSOLE.print(
+                f"  step of {mine.output} by {size:.3g}: overshoot {100.0 * mine.overshoot:.1f} % "
+                f"({100.0 * other.overshoot:.1f} % predicted), steady error "
+                f"{100.0 * mine.steady_error:+.2f} %"
+            )
+        return found
+
+    def run(self) -> tuple[Results, ServoDesign]:
+        """Go through all stages up to the design."""
+        answers = self.answers()
+        loop = soft_loop(answers, self._rig)
+        friction = self.friction(loop)
+        results = self.model(loop, friction)
+        return results, self.design(results)
+
+    def _identified(self, bags: Sequence[Path], name: str) -> Results:
+        with terminal.progress() as show:
+            return identify_bags(
+                bags,
+                self._folder / MODELS_FOLDER / name,
+                Request(),
+                force=True,
+                read=lambda bag, *_: self._arm.record(bag.name),
+                progress=show,
+            )
+
+    def _hindrance(self, results: Results) -> str:
+        """Print what a model is worth, and return what keeps it from being good enough."""
+        outcome = results.outcome
+        terminal.CONSOLE.print(f"  {outcome.verdict}")
+        band = self._programme.band
+        known = accuracy(outcome, self._rig, (band.low_hz, band.high_hz))
+        terminal.CONSOLE.print(
+            f"  modes known to ±{100.0 * known.frequency:.2g} %, gains to angles to "
+            f"±{100.0 * known.gain:.2g} %"
+        )
+        if outcome.verdict.level > Level.GOOD:
+            return f"the model is {outcome.verdict.level}, {outcome.verdict.next_step}"
+        return known.misses(self._state.settings["goal"])
+
+    def _show_distortion(self, record: IoData, part: Measurement) -> None:
+        """Print noise and distortion of an arm with one input."""
+        period = PERIOD_S * self._rig.rate_hz
+        if len(record.inputs) > 1 or period != round(period):
+            return
+        lines = multisine(self._programme.band, part.parameters["multisine.seed"]).harmonics
+        found = best_linear_approximation(
+            record.u[:, 0], record.y, dt_s=record.dt_s, period=round(period), harmonics=lines
+        )
+        levels = zip(
+            record.outputs, found.noise_level, found.odd.level, found.even.level, strict=True
+        )
+        shown = ", ".join(
+            f"{name} {100.0 * noise:.2g}/{100.0 * odd:.2g}/{100.0 * even:.2g} %"
+            for name, noise, odd, even in levels
+        )
+        terminal.CONSOLE.print(f"  noise/odd/even distortion at a line: {shown}")

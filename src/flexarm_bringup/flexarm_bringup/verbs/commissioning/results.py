@@ -1,0 +1,132 @@
+"""Results of a commissioning: its summary, its report, and the controller."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm_control.servo.report import summary, told
+from flexarm_core.labels import axis_label
+from flexarm_core.outputs import MARK_KEY
+from flexarm_ident.report.content.blocks import Plots, Table, Words
+from flexarm_ident.report.page import render_page
+from flexarm_ident.report.plots import marks
+from flexarm_ident.report.plots.axis import Axis
+from flexarm_ident.report.plots.chart import Panel, View, chart
+
+if TYPE_CHECKING:
+    from flexarm_bringup.verbs.commissioning.commissioner import Steps
+    from flexarm_bringup.verbs.commissioning.state import State
+    from flexarm_control.servo.job import ServoDesign
+    from flexarm_control.servo.twin import StepResult
+    from flexarm_core.rig_description import RigDescription
+    from flexarm_ident.report.content.blocks import Block
+    from flexarm_ident.workflow.results import Results
+
+
+def write_results(
+    rig: RigDescription,
+    state: State,
+    results: Results,
+    design: ServoDesign,
+    steps: Steps,
+) -> None:
+    """Write ``controller.yaml``, ``summary.json`` and ``report.html`` into the folder.
+
+    Parameters
+    ----------
+    rig : RigDescription
+        The arm.
+    state : State
+        What the stages found, and the folder, with the design in ``servo``.
+    results : Results
+        The model.
+    design : ServoDesign
+        The controller.
+    steps : Steps
+        Its steps on the arm.
+    """
+    out = state.folder
+    shutil.copyfile(out / "servo" / "controller.yaml", out / "controller.yaml")
+    found = {
+        **MARK_KEY,
+        "rig": rig.name,
+        "verdict": str(results.outcome.verdict.level),
+        "model": str(results.folder.relative_to(out)),
+        "stages": state.found,
+        "servo": {key: value for key, value in summary(design).items() if key not in MARK_KEY},
+        "step": [
+            {
+                "output": mine.output,
+                "size": float(size),
+                "arm": _figures(mine),
+                "predicted": _figures(other),
+            }
+            for size, mine, other in zip(steps.steps, steps.results, steps.predicted, strict=True)
+        ],
+    }
+    (out / "summary.json").write_text(json.dumps(found, indent=2) + "\n", "utf-8")
+    (out / "report.html").write_text(_report(rig, state, results, design, steps), "utf-8")
+
+
+def _figures(step: StepResult) -> dict[str, Any]:
+    return {
+        "overshoot": step.overshoot,
+        "settling_s": step.settling_s if isfinite(step.settling_s) else None,
+        "steady_error": step.steady_error,
+    }
+
+
+def _report(
+    rig: RigDescription, state: State, results: Results, design: ServoDesign, steps: Steps
+) -> str:
+    pulses, friction = state.found["pulses"], state.found["friction"]
+    rows = []
+    for joint, pulse, level in zip(rig.joints, pulses, friction, strict=True):
+        driven, angle = rig.input(joint.input).unit, rig.output(joint.angle).unit
+        rows.append(
+            (
+                joint.name,
+                f"{pulse['height']:.3g} {driven}",
+                f"{pulse['gain']:.3g} {angle}/s² for 1 {driven}",
+                f"{level['level']:.3g} ± {level['deviation']:.2g} {driven}",
+                f"{level['offset']:+.2g} {driven}",
+            )
+        )
+    head = ("joint", "moves at a pulse of", "acceleration, at least", "friction", "offset")
+    parts: dict[str, list[Block]] = {
+        "Joints": [Table("joints", "what pulses and slow motion show", head, tuple(rows))],
+        "Model": [
+            Words(f"{results.outcome.verdict}"),
+            Words(f"Its own report is {results.folder.name}/report.html in the folder models."),
+        ],
+        "Step on the arm": [
+            Words("The new controller on the arm, and the same step on the twin of the model."),
+            Plots((("", _steps(design, steps)),), wide=True),
+        ],
+        "Margins": [Words("They are in servo/report.html.")],
+    }
+    return render_page(f"Commissioning of {rig.name}", told(design), parts)
+
+
+def _steps(design: ServoDesign, steps: Steps) -> str:
+    """Plot the tracked outputs and the commands of arm and twin."""
+    gains = design.gains
+    samples = min(len(steps.arm.y), len(steps.twin.y))
+    time_s = np.arange(samples) / gains.rate_hz
+    panels = []
+    names = [*((name, "y") for name in gains.tracked), *((name, "u") for name in gains.inputs)]
+    for name, kind in names:
+        place = (gains.outputs if kind == "y" else gains.inputs).index(name)
+        arm, twin = (getattr(run, kind)[:samples, place] for run in (steps.arm, steps.twin))
+        found = [
+            marks.line(time_s, arm, marks.SOLID, "arm"),
+            marks.line(time_s, twin, marks.DASHED, "twin"),
+        ]
+        panels.append(Panel(Axis.around(axis_label(name), [arm, twin]), found, "height:12rem"))
+    x = Axis("time, s", 0.0, float(time_s[-1]), ticks=8)
+    return chart(View("step over time", x, panels))

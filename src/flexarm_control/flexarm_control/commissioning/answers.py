@@ -1,0 +1,341 @@
+"""Answers of an unknown arm: to pulses, to slow motion and to an excitation.
+
+Each judgement takes a record and the arm's description, and refuses what would make the next
+experiment dangerous or useless.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from flexarm_control.joint_laws import joint_ways
+from flexarm_control.laws.gains import KD, KP
+from flexarm_core.channels import POSITION_V_PER_RAD, SPEED_V_S_PER_RAD
+from flexarm_core.errors import FlexarmError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_core.rig_description import Joint, RigDescription
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.workflow.outcome import Outcome
+
+SOFT_HZ: Final = 0.8
+"""Frequency of the soft position loop, about that of the thesis's experiments in closed loop."""
+_SOFT_DAMPING: Final = 0.4
+# Of the rate's loop at the sampling rate; one is where it begins to ring.
+_MOST_RATE_GAIN: Final = 0.5
+# Noise alone exceeds this once in two million times.
+_CERTAIN: Final = 5.0
+_LIGHT_DAMPING: Final = 0.2
+
+
+class ArmFaultError(FlexarmError):
+    """Answer of an arm with which it must not be driven on; the message names the remedy."""
+
+
+class PulseAnswer(NamedTuple):
+    """Answer of a joint to growing pairs of pulses.
+
+    Attributes
+    ----------
+    joint : str
+        Its name.
+    height : float
+        Highest pulse, in the unit of the input.
+    way : float
+        Way of the joint to the end of it, in the unit of the angle.
+    gain : float
+        Acceleration by one unit of the input, less what friction took.
+    answering : tuple of str
+        Outputs that answered beside the angle.
+    """
+
+    joint: str
+    height: float
+    way: float
+    gain: float
+    answering: tuple[str, ...]
+
+
+class SoftLoop(NamedTuple):
+    """Gains of the law `pd` of a soft position loop, in the volts of the thesis's arm."""
+
+    kp: float
+    kd: float
+
+
+class Friction(NamedTuple):
+    """Dry friction of a joint.
+
+    Attributes
+    ----------
+    joint : str
+        Its name.
+    level, deviation : float
+        Command that keeps the joint in slow motion, either way, and its standard deviation.
+    offset : float
+        Command that holds the joint against a constant force.
+    """
+
+    joint: str
+    level: float
+    deviation: float
+    offset: float
+
+
+class Accuracy(NamedTuple):
+    """Standard deviations of a model, each as a part of its value.
+
+    Attributes
+    ----------
+    frequency, gain : float
+        Largest of the frequencies of vibrations, and the median of the gains from the inputs to the
+        angles; NaN where they are not known.
+    """
+
+    frequency: float
+    gain: float
+
+    def misses(self, goal: float) -> str:
+        """Return what exceeds a goal in words, or nothing."""
+        found = [
+            f"the {name} is known to ±{100.0 * value:.2g} %"
+            for name, value in (
+                ("frequency of a mode", self.frequency),
+                ("gain to an angle", self.gain),
+            )
+            if value > goal
+        ]
+        return " and ".join(found) + f", and the goal is {100.0 * goal:g} %" if found else ""
+
+
+def judge_pulses(record: IoData, rig: RigDescription, joint: Joint) -> PulseAnswer:
+    """Judge the answer of one joint to pairs of pulses on its input alone.
+
+    Parameters
+    ----------
+    record : IoData
+        Record of the excitation ``pulses``, which begins with a rest.
+    rig : RigDescription
+        The arm.
+    joint : Joint
+        The joint that is driven.
+
+    Raises
+    ------
+    ArmFaultError
+        For a dead output, reversed wiring, wiring to another joint, a stuck joint, or a sensor of
+        the joint that is dead or reversed.
+    """
+    u = record.u[:, record.inputs.index(joint.input)] - rig.input(joint.input).rest
+    driven = np.flatnonzero(u)
+    if not driven.size:
+        raise ArmFaultError(
+            f"no pulse reached {joint.input}: flexarm status says what holds the drive"
+        )
+    first = int(driven[0])
+    y, noise = record.y - record.y[:first].mean(axis=0), _noise(record.y[:first])
+    # The pulse up of the last pair, which is the highest, and the one down behind it.
+    last_rise = int(np.flatnonzero((u[1:] > 0.0) & (u[:-1] <= 0.0))[-1]) + 1
+    fall = last_rise + int(np.argmax(u[last_rise:] < 0.0))
+    angle = record.outputs.index(joint.angle)
+    before = y[max(0, 2 * last_rise - fall) : last_rise].mean(axis=0)
+    pair = slice(last_rise, min(2 * fall - last_rise, len(u)))
+    course = np.cumsum(u[pair])
+    certainty = (course @ (y[pair] - before)) / (noise * math.sqrt(float(course @ course)))
+    answers = _answers(y[pair] - before, noise, first)
+    answering = tuple(
+        name
+        for name, answered in zip(record.outputs, answers, strict=True)
+        if answered and not rig.output(name).absent
+    )
+    way = float((y[fall] - before)[angle])
+    if abs(certainty[angle]) < _CERTAIN or not answers[angle]:
+        raise ArmFaultError(_silence(rig, joint, answering, float(u.max())))
+    if certainty[angle] * joint.sign < 0.0:
+        raise ArmFaultError(
+            f"reversed wiring: a positive {joint.input} turns {joint.angle} the other way than "
+            f"joint {joint.name} says: swap the wires, or set sign: {-joint.sign}"
+        )
+    if joint.rate is not None:
+        _judge_rate(y, record, joint, answering)
+    length_s = (fall - last_rise) * record.dt_s
+    height = float(u[last_rise])
+    gain = 2.0 * abs(way) / (length_s**2 * height)
+    others = tuple(name for name in answering if name != joint.angle)
+    return PulseAnswer(joint.name, height, way, gain, others)
+
+
+def require_all_answer(answers: Sequence[PulseAnswer], rig: RigDescription) -> None:
+    """Refuse an output that answers to no joint.
+
+    Raises
+    ------
+    ArmFaultError
+        With the output.
+    """
+    heard = {name for each in answers for name in each.answering}
+    heard |= {each.angle for each in rig.joints}
+    for each in rig.outputs:
+        if each.name not in heard and not each.absent:
+            raise ArmFaultError(
+                f"dead sensor: {each.name} answers to no joint: check sensor, wire and supply, or "
+                "mark it absent: true in the description"
+            )
+
+
+def soft_loop(answers: Sequence[PulseAnswer], rig: RigDescription) -> SoftLoop:
+    """Return gains of the law `pd` that hold every joint softly, in the volts of `joint_laws`.
+
+    The joint that answers most sets the stiffness, and the one that answers least the damping.
+    """
+    ways = {each.name: each for each in joint_ways(rig)}
+    gains = [each.gain * abs(_volts(ways[each.joint])) for each in answers]
+    kp = min((math.tau * SOFT_HZ) ** 2 / max(gains), KP[1])
+    per_speed = SPEED_V_S_PER_RAD / POSITION_V_PER_RAD
+    kd = 2.0 * _SOFT_DAMPING * math.sqrt(kp / min(gains)) / per_speed
+    kd = min(kd, _MOST_RATE_GAIN * rig.rate_hz / (per_speed * max(gains)), KD[1])
+    return SoftLoop(kp, kd)
+
+
+def _volts(way: object) -> float:
+    """Return the volts of position for one unit, times the units of the input for one volt."""
+    return way.volts_per_unit * way.per_volt  # type: ignore[attr-defined, no-any-return]
+
+
+def friction_levels(
+    record: IoData, rig: RigDescription, half_period_s: float
+) -> tuple[Friction, ...]:
+    """Return the dry friction of each joint from a slow triangle wave of its position.
+
+    Parameters
+    ----------
+    record : IoData
+        Record of the triangle, which rises for the first quarter of its period.
+    rig : RigDescription
+        The arm.
+    half_period_s : float
+        Time from turn to turn, s.
+
+    Raises
+    ------
+    ArmFaultError
+        If a joint does not follow.
+    """
+    time_s = np.arange(len(record)) * record.dt_s / half_period_s + 0.5
+    number = time_s.astype(int)
+    # The second half of each ramp: the turn is over then.
+    steady = (np.round(time_s) > number) & (number > 0)
+    found = []
+    for joint in rig.joints:
+        command = record.u[:, record.inputs.index(joint.input)] - rig.input(joint.input).rest
+        angle = record.y[:, record.outputs.index(joint.angle)]
+        ramps = [np.flatnonzero(steady & (number == each)) for each in range(1, number[-1] + 1)]
+        ramps = [each for each in ramps if len(each) > 1]
+        moves = [joint.sign * float(angle[each[-1]] - angle[each[0]]) for each in ramps]
+        signs = [1.0 if each % 2 == 0 else -1.0 for each in range(1, len(ramps) + 1)]
+        if any(move * sign <= 0.0 for move, sign in zip(moves, signs, strict=True)):
+            raise ArmFaultError(
+                f"stuck joint: {joint.name} does not follow a slow motion of {joint.angle}: free "
+                "it, or look for a stop within its travel"
+            )
+        means = np.array([command[each].mean() for each in ramps]) * joint.sign
+        up, down = means[np.array(signs) > 0.0], means[np.array(signs) < 0.0]
+        level, offset = 0.5 * (up.mean() - down.mean()), 0.5 * (up.mean() + down.mean())
+        spread = np.concatenate([up - up.mean(), down - down.mean()])
+        deviation = math.sqrt(float(spread @ spread) / max(1, len(spread) - 2) / len(spread))
+        found.append(Friction(joint.name, max(0.0, float(level)), deviation, float(offset)))
+    return tuple(found)
+
+
+def accuracy(outcome: Outcome, rig: RigDescription, band_hz: tuple[float, float]) -> Accuracy:
+    """Return how well a model's vibrations and gains are known by its own data.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        The identification.
+    rig : RigDescription
+        The arm.
+    band_hz : tuple of float
+        Ends of the excited band, Hz.
+    """
+    found = outcome.identification
+    low, high = band_hz
+    frequencies = [
+        each.frequency_std_hz / each.frequency_hz
+        for each in found.mode_uncertainty
+        if low < each.frequency_hz < high and each.damping_ratio < _LIGHT_DAMPING
+    ]
+    known = found.response_uncertainty(np.geomspace(low, high, 20))
+    gain = math.nan
+    if known is not None:
+        angles = [outcome.records[0].outputs.index(each.angle) for each in rig.joints]
+        inputs = [outcome.records[0].inputs.index(each.input) for each in rig.joints]
+        parts = known.deviation[:, angles, inputs] / np.abs(known.response[:, angles, inputs])
+        gain = float(np.median(parts))
+    return Accuracy(max(frequencies, default=math.nan), gain)
+
+
+def _noise(rest: FloatArray) -> FloatArray:
+    """Return the deviation of each output at rest; that of rounding where it stands still."""
+    rounding = np.finfo(float).eps * (1.0 + np.abs(rest).max(axis=0))
+    return np.asarray(np.maximum(rest.std(axis=0), rounding))
+
+
+def _answers(y: FloatArray, noise: FloatArray, rest: int) -> BoolArray:
+    """Return which outputs have more power in a pair of pulses than in samples of rest."""
+    power = np.mean(y**2, axis=0) / noise**2
+    return np.asarray(power > 1.0 + _CERTAIN * math.sqrt(2.0 / len(y) + 4.0 / rest))
+
+
+def _silence(rig: RigDescription, joint: Joint, answering: Sequence[str], most: float) -> str:
+    """Return why the angle of a joint did not answer."""
+    most_text = f"{most:.3g} {rig.input(joint.input).unit}"
+    others = [each.name for each in rig.joints if each.angle in answering and each is not joint]
+    if others:
+        return (
+            f"wired to another joint: {joint.input} turns {others[0]} and not {joint.name}: "
+            "exchange the wires, or the inputs in the description"
+        )
+    if joint.rate is not None and joint.rate in answering:
+        return (
+            f"dead sensor: {joint.rate} answers to {joint.input} up to {most_text}, and "
+            f"{joint.angle} does not: check sensor, wire and supply"
+        )
+    if answering:
+        return (
+            f"stuck joint: {', '.join(answering)} answers to {joint.input} up to {most_text}, and "
+            f"{joint.angle} does not move: free the joint"
+        )
+    return (
+        f"dead output: nothing answers to {joint.input} up to {most_text}: check the drive's "
+        "power, its enable input, the emergency stop and the wires"
+    )
+
+
+def _judge_rate(y: FloatArray, record: IoData, joint: Joint, answering: Sequence[str]) -> None:
+    """Refuse a rate that is dead or has the other sign than the angle's own."""
+    assert joint.rate is not None  # noqa: S101 - the caller asks
+    if joint.rate not in answering:
+        raise ArmFaultError(
+            f"dead sensor: {joint.rate} does not answer while {joint.angle} moves: check sensor, "
+            "wire and supply"
+        )
+    rate = y[:, record.outputs.index(joint.rate)]
+    # The integral of the rate runs beside the angle, whatever noise both have.
+    way = np.cumsum(rate - rate.mean())
+    angle = y[:, record.outputs.index(joint.angle)]
+    ramp = np.linspace(-1.0, 1.0, len(angle))
+    centred = angle - angle.mean()
+    centred = centred - ramp * (ramp @ centred) / (ramp @ ramp)
+    if float(way @ centred) < 0.0:
+        raise ArmFaultError(
+            f"reversed wiring: {joint.rate} has the other sign than the motion of {joint.angle}: "
+            "swap its wires, or make its scale negative"
+        )

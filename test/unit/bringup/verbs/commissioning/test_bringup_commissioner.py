@@ -1,0 +1,139 @@
+"""Commissioning of twins without nodes: to a controller, within limits, interrupted and resumed."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from flexarm_bringup.cli import main
+from flexarm_bringup.verbs.commissioning.commissioner import Commissioner
+from flexarm_bringup.verbs.commissioning.results import write_results
+from flexarm_bringup.verbs.commissioning.state import State, StateError
+from flexarm_bringup.verbs.offline.servo import write_servo
+from flexarm_control import load_controller
+from flexarm_control.commissioning.programme import PARTS, Programme
+from flexarm_control.twin import TwinRig, twin_description
+from flexarm_core.rig_description import described, load_rig
+from flexarm_ident.models.files import save_model
+from support.direct_arm import DirectArm
+from support.servo_plants import bending_arm
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from flexarm_bringup.verbs.commissioning.commissioner import Steps
+    from flexarm_core.rig_description import RigDescription
+
+STAGES = ["pulses_joint_1", "friction", "part_1", "hold", "step"]
+# Each is interrupted once, in this order.
+DEATHS = ["pulses_joint_1", "friction", "part_1", "step", ""]
+
+
+def bending_rig(folder: Path) -> RigDescription:
+    """Return the description of the twin of an arm that bends."""
+    ends = {
+        "input_low": [-1.0],
+        "input_high": [1.0],
+        "output_low": [-1.0, -1.0],
+        "output_high": [1.0, 1.0],
+        "noise_sd": [1e-3, 1e-3],
+    }
+    save_model(folder / "model.yaml", bending_arm(), name="arm", provenance=ends)
+    return described(twin_description(folder / "model.yaml"))
+
+
+def commissioned(arm: DirectArm, state: State) -> Steps:
+    """Go through all stages."""
+    commissioner = Commissioner(arm, arm.rig, state)
+    results, design = commissioner.run()
+    write_servo(design, [results.name], state.folder / "servo")
+    steps = commissioner.step(design)
+    write_results(arm.rig, state, results, design, steps)
+    return steps
+
+
+@pytest.mark.slow
+def test_unknown_arm___interrupted_in_every_stage___ends_in_its_controller(tmp_path: Path) -> None:
+    rig = bending_rig(tmp_path)
+    driver = TwinRig("model.yaml", [1e-3, 1e-3], rig=rig, folder=tmp_path)
+    runs: list[str] = []
+    for dies_in in DEATHS:
+        arm = DirectArm(rig, driver, tmp_path)
+        arm.dies_in = dies_in
+        state = State.of(tmp_path, {"rig": rig.text, "goal": 0.05})
+        if dies_in:
+            with pytest.raises(KeyboardInterrupt):
+                commissioned(arm, state)
+        else:
+            steps = commissioned(arm, state)
+        runs += arm.runs
+
+    # A hold belongs to the step behind it; nothing else was measured twice.
+    assert runs == [*STAGES[:4], *STAGES[3:]]
+    for name in STAGES:
+        record = arm.record(name)
+        assert np.abs(record.u).max() <= 1.0
+        assert np.abs(record.y[:, 0]).max() <= 1.5
+    pulse = arm.record("pulses_joint_1").u
+    assert np.abs(pulse).max() <= 0.5
+
+    controller = load_controller(tmp_path / "controller.yaml")
+    assert (controller.inputs, controller.tracked) == (("torque",), ("hub",))
+    (found,) = steps.results
+    assert abs(found.steady_error) < 0.02
+    assert np.abs(steps.arm.y[:, 0] - steps.twin.y[:, 0]).max() < 0.1 * abs(steps.steps[0])
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["servo"]["disk_margin"] >= 0.5
+    assert "Step on the arm" in (tmp_path / "report.html").read_text()
+
+
+def test_folder_of_another_arm___is_refused(tmp_path: Path) -> None:
+    State.of(tmp_path, {"rig": "one", "goal": 0.05}).note("pulses", [])
+
+    assert State.of(tmp_path, {"rig": "one", "goal": 0.05}).found == {"pulses": []}
+    with pytest.raises(StateError, match="began with another rig: choose another --out"):
+        State.of(tmp_path, {"rig": "two", "goal": 0.05})
+    (tmp_path / "commission.json").write_text("{")
+    with pytest.raises(StateError, match="cannot be read"):
+        State.of(tmp_path, {"rig": "one", "goal": 0.05})
+
+
+def test_growth___ends_at_the_travel(tmp_path: Path) -> None:
+    rig = bending_rig(tmp_path)
+    programme = Programme(rig)
+    arm = DirectArm(rig, TwinRig("model.yaml", rig=rig, folder=tmp_path), tmp_path)
+    record = arm.measured(programme.pulses(0))
+    largest = np.abs(record.y[:, 0]).max()
+
+    assert programme.growth(record, 2.0) == pytest.approx(min(2.0, 0.8 * 1.5 / largest))
+    assert programme.growth(record, 8.0) == pytest.approx(1.25)
+
+
+def test_dry_run___tells_stages_limits_and_times_and_leaves_nothing(tmp_path: Path) -> None:
+    found = CliRunner().invoke(
+        main, ["commission", "--rig", "thesis", "--dry-run", "-o", str(tmp_path / "out")]
+    )
+
+    assert found.exit_code == 0, found.output
+    stages = Programme(load_rig("thesis")).stages()
+    for each in stages:
+        assert f"{each.length_s:.0f} s" in found.output
+    assert "-5 to 5 V" in found.output
+    total = sum(each.length_s for each in stages)
+    assert f"{total:.0f} s of arm time at most" in found.output
+    # Five minutes of arm time are enough.
+    assert total <= 300.0
+    assert f"up to {PARTS} times" in " ".join(found.output.split())
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("words", [[], ["--rig", "thesis", "--twin", __file__]])
+def test_no_arm_or_two___are_refused(words: list[str]) -> None:
+    found = CliRunner().invoke(main, ["commission", *words])
+
+    assert found.exit_code == 2
+    assert "name the arm" in found.output

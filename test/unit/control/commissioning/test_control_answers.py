@@ -1,0 +1,193 @@
+"""Answers of an arm that is right, and of others that are wired wrongly, to known physics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from flexarm_control.commissioning.answers import (
+    Accuracy,
+    ArmFaultError,
+    PulseAnswer,
+    friction_levels,
+    judge_pulses,
+    require_all_answer,
+    soft_loop,
+)
+from flexarm_core.rig_description import described
+from flexarm_daq.experiments.excitation import Pulses
+from flexarm_ident import IoData
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flexarm_core.rig_description import RigDescription
+
+RATE_HZ = 500.0
+GAIN, COULOMB = 20.0, 0.08
+NOISE = 5e-4
+TEXT = """
+name: arm
+rate_hz: 500
+inputs:
+  torque: {unit: '-', limits: 1}
+  other: {unit: '-', limits: 1}
+outputs:
+  angle: {quantity: angle, unit: rad}
+  rate: {quantity: rate, unit: rad/s}
+  gauge: {unit: '-'}
+  elbow: {quantity: angle, unit: rad}
+joints:
+  hub: {input: torque, angle: angle, rate: rate, travel: 1.5}
+  elbow: {input: other, angle: elbow, travel: 1.5}
+driver: twin
+"""
+
+
+def rig() -> RigDescription:
+    """Return an arm with a hub, which is driven here, and an elbow."""
+    return described(TEXT)
+
+
+def moved(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return angles and rates of a hub with friction, in fine steps."""
+    fine = 4
+    step_s = 1.0 / RATE_HZ / fine
+    angle = rate = 0.0
+    found = np.empty((len(u), 2))
+    for k, command in enumerate(u):
+        found[k] = angle, rate
+        for _ in range(fine):
+            free = rate + step_s * GAIN * command
+            rate = math.copysign(max(abs(free) - step_s * GAIN * COULOMB, 0.0), free)
+            angle += step_s * rate
+    return found[:, 0], found[:, 1]
+
+
+def pulsed(
+    change: Callable[[np.ndarray], np.ndarray] = lambda y: y, *, stuck: bool = False
+) -> IoData:
+    """Return a record of pulses on the hub, whose outputs are changed as a fault does."""
+    pulses = Pulses(5.0)
+    u = np.zeros(3000)
+    angle = rate = 0.0
+    # The pulses end when they have moved the hub, of which they read 6.857 V for 1.5 rad.
+    for k in range(len(u)):
+        u[k] = 0.1 * pulses.step(k / RATE_HZ, angle * 6.857142857 / 1.5)
+        free = rate + GAIN * u[k] / RATE_HZ
+        rate = math.copysign(max(abs(free) - GAIN * COULOMB / RATE_HZ, 0.0), free)
+        angle += 0.0 if stuck else rate / RATE_HZ
+    angles, rates = moved(u)
+    hub = np.zeros_like(angles) if stuck else angles
+    speed = np.zeros_like(rates) if stuck else rates
+    y = change(np.column_stack([hub, speed, 0.5 * u, np.zeros(len(u))]))
+    y = y + NOISE * np.random.default_rng(1).standard_normal(y.shape)
+    return IoData(
+        np.column_stack([u, np.zeros(len(u))]),
+        y,
+        dt_s=1.0 / RATE_HZ,
+        inputs=rig().input_names,
+        outputs=rig().output_names,
+    )
+
+
+def test_right_arm___moves_as_its_physics_says() -> None:
+    answer = judge_pulses(pulsed(), rig(), rig().joints[0])
+
+    # The pulse of 0.1 s moves a mass by g (h - c) t^2 / 2, and the gain is that for no friction.
+    assert answer.way == pytest.approx(0.5 * GAIN * (answer.height - COULOMB) * 0.01, abs=3e-3)
+    assert answer.gain == pytest.approx(GAIN * (1.0 - COULOMB / answer.height), rel=0.1)
+    assert set(answer.answering) == {"rate", "gauge"}
+
+
+def column(number: int, factor: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a fault that multiplies one output."""
+    return lambda y: y * np.where(np.arange(4) == number, factor, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "stuck", "words"),
+    [
+        (lambda y: -y, False, "reversed wiring: a positive torque turns angle the other way"),
+        (lambda y: 0.0 * y, False, "dead output: nothing answers to torque"),
+        (lambda y: y, True, "stuck joint: gauge answers to torque"),
+        (column(0, 0.0), False, "dead sensor: rate answers to torque.*angle does not"),
+        (column(1, 0.0), False, "dead sensor: rate does not answer while angle moves"),
+        (column(1, -1.0), False, "reversed wiring: rate has the other sign"),
+        (lambda y: y[:, [3, 1, 2, 0]] * [1, 0, 1, 1], False, "torque turns elbow and not hub"),
+    ],
+    ids=["reversed", "output", "stuck", "angle", "rate", "rate's sign", "exchanged"],
+)
+def test_wrong_arm___is_refused_with_the_right_word(
+    change: Callable[[np.ndarray], np.ndarray], words: str, *, stuck: bool
+) -> None:
+    with pytest.raises(ArmFaultError, match=words):
+        judge_pulses(pulsed(change, stuck=stuck), rig(), rig().joints[0])
+
+
+def test_description_with_the_other_sign___takes_the_reversed_arm() -> None:
+    joint = replace(rig().joints[0], sign=-1)
+
+    assert judge_pulses(pulsed(lambda y: -y), rig(), joint).way < 0.0
+
+
+def test_gauge_that_answers_to_no_joint___is_refused() -> None:
+    answers = [
+        judge_pulses(pulsed(column(2, 0.0)), rig(), rig().joints[0]),
+        PulseAnswer("elbow", 0.1, 0.1, 1.0, ()),
+    ]
+
+    with pytest.raises(ArmFaultError, match="dead sensor: gauge answers to no joint"):
+        require_all_answer(answers, rig())
+
+
+def test_soft_loop___has_its_frequency_and_damping() -> None:
+    one = described(TEXT.replace("  elbow: {input: other, angle: elbow, travel: 1.5}\n", ""))
+    loop = soft_loop([PulseAnswer("hub", 0.1, 0.1, GAIN, ())], one)
+
+    # 10 V are the limit of 1, 6.857 V the travel of 1.5 rad, 0.2014 V a rate of 1 rad/s at 4.911 V.
+    volts = 6.857142857 / 1.5
+    stiffness = GAIN * 0.1 * volts * loop.kp
+    damping = GAIN * 0.1 * volts * loop.kd * 0.2014 / 4.9110668154
+    assert math.sqrt(stiffness) == pytest.approx(2.0 * math.pi * 0.8, rel=1e-3)
+    assert damping / (2.0 * math.sqrt(stiffness)) == pytest.approx(0.4, rel=1e-3)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.05, 0.3])
+def test_friction___is_found_from_slow_ramps(level: float) -> None:
+    half_s = 2.0
+    time_s = np.arange(round(4.5 * half_s * RATE_HZ)) / RATE_HZ
+    phase = time_s / (2.0 * half_s) + 0.25
+    angle = 0.3 * (1.0 - 4.0 * np.abs(phase % 1.0 - 0.5))
+    direction = np.where(phase % 1.0 < 0.5, 1.0, -1.0)
+    noise = 0.01 * np.random.default_rng(2).standard_normal((len(time_s), 2))
+    record = IoData(
+        (level * direction + 0.02)[:, None] * [1.0, 2.0] + noise,
+        np.column_stack([angle, direction, 0.0 * angle, angle]),
+        dt_s=1.0 / RATE_HZ,
+        inputs=rig().input_names,
+        outputs=rig().output_names,
+    )
+
+    hub, elbow = friction_levels(record, rig(), half_s)
+    assert (hub.level, elbow.level) == pytest.approx((level, 2.0 * level), abs=1e-3)
+    assert (hub.offset, elbow.offset) == pytest.approx((0.02, 0.04), abs=1e-3)
+    assert hub.deviation < 2e-3
+
+
+def test_joint_that_does_not_follow_slow_motion___is_refused() -> None:
+    record = pulsed(stuck=True)
+
+    with pytest.raises(ArmFaultError, match="stuck joint: hub does not follow"):
+        friction_levels(replace(record, y=0.0 * record.y), rig(), 1.0)
+
+
+def test_accuracy___tells_what_exceeds_the_goal() -> None:
+    assert Accuracy(0.01, 0.02).misses(0.05) == ""
+    assert Accuracy(math.nan, math.nan).misses(0.05) == ""
+    said = Accuracy(0.1, 0.02).misses(0.05)
+    assert said == "the frequency of a mode is known to ±10 %, and the goal is 5 %"
