@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_control.commissioning.programme import Measurement
+    from flexarm_control.twin import TwinRig
     from flexarm_core.rig_description import RigDescription
     from flexarm_daq.rigs.rig_protocol import Rig
 
@@ -32,7 +33,7 @@ class DirectArm:
 
     delay_s = 0.0
 
-    def __init__(self, rig: RigDescription, driver: Rig, folder: Path) -> None:
+    def __init__(self, rig: RigDescription, driver: Rig | TwinRig, folder: Path) -> None:
         self.rig, self.driver, self.folder = rig, driver, folder
         self.runs: list[str] = []
         self.dies_in = ""

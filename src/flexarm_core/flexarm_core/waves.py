@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -73,7 +73,8 @@ class Band(Bounded):
         return lines[lines % 2 == 1] if self.odd else lines
 
 
-class Multisine(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Multisine:
     """Sum of cosines with a peak of 1.
 
     Attributes

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -46,7 +47,8 @@ def chirp(band: Band, time_s: float) -> float:
     return math.cos(math.tau * (band.low_hz + 0.5 * rise * passed_s) * passed_s)
 
 
-class BinarySequence(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class BinarySequence:
     """Pseudo-random sequence of maximum length, whose bits are held.
 
     Attributes

@@ -66,7 +66,10 @@ def commission(
     pace: Pace,
     namespace: str,
 ) -> None:
-    """Take an unknown arm to a controller: pulses, friction, excitation, model, design, step.
+    """Take an unknown arm to its controller, stage by stage.
+
+    The stages are a check at rest, pulses, slow motion for the friction, an excitation that grows,
+    the identification after each of its parts, the design of a servo, and its step on the arm.
 
     Each stage is judged before the next one drives the arm, and a fault ends all with the drives at
     rest. Ctrl-C ends it too; the same command goes on where it ended, and measures nothing twice.

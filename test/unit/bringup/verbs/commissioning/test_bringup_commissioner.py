@@ -82,7 +82,7 @@ def test_unknown_arm___interrupted_in_every_stage___ends_in_its_controller(tmp_p
     assert np.abs(pulse).max() <= 0.5
 
     controller = load_controller(tmp_path / "controller.yaml")
-    assert (controller.inputs, controller.tracked) == (("torque",), ("hub",))
+    assert (list(controller.inputs), list(controller.tracked)) == (["torque"], ["hub"])
     (found,) = steps.results
     assert abs(found.steady_error) < 0.02
     assert np.abs(steps.arm.y[:, 0] - steps.twin.y[:, 0]).max() < 0.1 * abs(steps.steps[0])
