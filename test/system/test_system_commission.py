@@ -1,0 +1,91 @@
+"""Commissioning on live nodes, of a twin: killed, gone on with, and refused on a wrong arm."""
+
+from __future__ import annotations
+
+import json
+import signal
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from flexarm_control import load_controller
+from flexarm_control.twin import twin_description
+from flexarm_ident import read_bag
+from flexarm_ident.models.files import save_model
+from support.servo_plants import bending_arm
+from support.system_graph import ROOT
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from support.system_graph import Graph, Process
+
+pytestmark = [pytest.mark.system, pytest.mark.slow]
+
+ENDS = {
+    "input_low": [-1.0],
+    "input_high": [1.0],
+    "output_low": [-1.0, -1.0],
+    "output_high": [1.0, 1.0],
+    "noise_sd": [1e-3, 1e-3],
+}
+
+
+def rig_of(folder: Path) -> Path:
+    """Write the twin of an arm that bends, and return its description."""
+    save_model(folder / "model.yaml", bending_arm(), name="arm", provenance=ENDS)
+    file = folder / "rig.yaml"
+    file.write_text(twin_description(folder / "model.yaml"))
+    return file
+
+
+def commission(graph: Graph, rig: Path, out: Path) -> Process:
+    """Start a commissioning in virtual time."""
+    command = [str(ROOT / "flexarm"), "commission", "--rig", str(rig), "--fast", "-o", str(out)]
+    return graph.run(command)
+
+
+def test_commission___killed_and_interrupted___goes_on_to_a_controller(
+    graph: Graph, tmp_path: Path
+) -> None:
+    rig, out = rig_of(tmp_path), tmp_path / "out"
+    process = commission(graph, rig, out)
+    process.wait_for("10 % friction")
+    process.send(signal.SIGKILL)
+    process.exit_code()
+    graph.wait(lambda: not graph.survivors(), "the end of the nodes")
+    assert (out / "bags" / "pulses_joint_1").is_dir()
+    assert not (out / "bags" / "friction").exists()
+
+    process = commission(graph, rig, out)
+    process.wait_for("10 % part_1")
+    process.send(signal.SIGINT)
+    assert process.exit_code() == 130
+    assert "pulses_joint_1 was measured before" in process.printed
+    assert graph.survivors() == []
+
+    process = commission(graph, rig, out)
+    assert process.exit_code(1200.0) == 0, process.printed
+    for name in ("pulses_joint_1", "friction"):
+        assert f"{name} was measured before" in process.printed
+    for bag in ("pulses_joint_1", "friction", "part_1", "hold", "step"):
+        record = read_bag(out / "bags" / bag)
+        assert np.abs(record.u).max() <= 1.0
+        assert np.abs(record.y[:, 0]).max() <= 1.5
+    assert list(load_controller(out / "controller.yaml").tracked) == ["hub"]
+    summary = json.loads((out / "summary.json").read_text())
+    assert abs(summary["step"][0]["arm"]["steady_error"]) < 0.02
+    assert (out / "report.html").is_file()
+
+
+def test_commission_of_a_reversed_arm___is_refused_before_the_excitation(
+    graph: Graph, tmp_path: Path
+) -> None:
+    rig, out = rig_of(tmp_path), tmp_path / "out"
+    rig.write_text(rig.read_text().replace("travel: 1.5", "travel: 1.5\n    sign: -1"))
+    process = commission(graph, rig, out)
+
+    assert process.exit_code() == 1
+    assert "flexarm: reversed wiring: a positive torque turns hub" in process.printed
+    assert [path.name for path in (out / "bags").iterdir() if path.is_dir()] == ["pulses_joint_1"]
