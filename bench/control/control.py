@@ -35,7 +35,7 @@ from flexarm_control import (
 from flexarm_control.design.criteria import position_itae, strain_itae
 from flexarm_control.design.margins import LoopResponse
 from flexarm_control.design.tuning import PDP_BOUNDS, PDP_STARTS
-from flexarm_control.laws.gains import TunedCompensation
+from flexarm_control.laws.gains import CompensationLevel, TunedCompensation
 from flexarm_control.laws.pdpc import Pdp, Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus
 from flexarm_control.models.arm_model import BASE_STRAIN, MIDDLE_STRAIN, POSITION
@@ -101,7 +101,7 @@ def laws(tuned: PdpGains) -> dict[str, Law]:
         "pdp": Pdp(tuned),
         "pdpc": Pdpc(tuned, THRESHOLDS),
         "pdpc_thesis": Pdpc(),
-        "pdpc_unconditional": Pdpc(tuned, conditional=False),
+        "pdpc_unconditional": Pdpc(tuned, CompensationLevel()),
         "pdpc_plus": PdpcPlus(tuned),
         "lqg": build_law("lqg"),
     }

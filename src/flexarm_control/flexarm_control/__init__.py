@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
     from flexarm_control.laws.law_protocol import Effort, Law, Memoryless, limited
     from flexarm_control.laws.lqg import LqgWeights, design_lqg
-    from flexarm_control.laws.pd import Pd
-    from flexarm_control.laws.pdpc import Pdp, Pdpc
+    from flexarm_control.laws.pdpc import Pd, Pdp, Pdpc
     from flexarm_control.laws.pdpc_plus import PdpcPlus
     from flexarm_control.laws.pi import Pi
     from flexarm_control.laws.registry import LAWS, LawSpec, build_law

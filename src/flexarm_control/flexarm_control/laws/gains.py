@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from flexarm_core.specs import Bounded, setting
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 KP = (0.0, 5.0, "V/V", "proportional gain on the position error")
 KD = (0.0, 20.0, "V/V", "gain of the speed feedback")
@@ -18,6 +22,10 @@ class PdGains(Bounded):
     kp: float = setting(1.0, *KP)
     kd: float = setting(2.8, *KD)
 
+    def effort_v(self, error_v: float, volts: Sequence[float]) -> float:
+        """Return the effort u_e = kp e - kd y4 at an error and the four outputs, all V."""
+        return self.kp * error_v - self.kd * volts[3]
+
 
 @dataclass(frozen=True)
 class PdpGains(Bounded):
@@ -29,6 +37,13 @@ class PdpGains(Bounded):
     kp: float = setting(0.5935, *KP)
     kd: float = setting(4.2664, *KD)
     ksg: float = setting(0.2538, *KSG)
+
+    def effort_v(self, error_v: float, volts: Sequence[float]) -> float:
+        """Return the effort (4-7) at an error and the four outputs, all V.
+
+        y4 already is the speed; the dot over it in (4-7) is a misprint.
+        """
+        return self.kp * error_v - self.kd * volts[3] - self.ksg * volts[2]
 
 
 @dataclass(frozen=True)
@@ -64,12 +79,21 @@ class Coulomb(Bounded):
 
     compensation_v: float = setting(0.8, 0.0, 10.0, "V", "Coulomb friction compensation level")
 
+    def command_v(self, effort_v: float, error_v: float, speed_v: float) -> float:  # noqa: ARG002 - as (4-8)
+        """Return the compensation u_c = c sign(u_e), V: none without an effort."""
+        level_v = self.compensation_v
+        return level_v if effort_v > 0.0 else -level_v if effort_v else 0.0
+
 
 @dataclass(frozen=True)
 class CompensationLevel(Bounded):
     """Level of the Coulomb friction compensation of a PDP law (4-8), without its conditions."""
 
     compensation_v: float = setting(0.7, 0.0, 2.0, "V", "Coulomb friction compensation level")
+
+    def command_v(self, effort_v: float, error_v: float, speed_v: float) -> float:  # noqa: ARG002 - as (4-8)
+        """Return the compensation u_c in the direction of an effort, V."""
+        return self.compensation_v if effort_v >= 0.0 else -self.compensation_v
 
 
 @dataclass(frozen=True)
@@ -86,7 +110,7 @@ class Compensation(CompensationLevel):
         """Return the compensation u_c (4-8) at an effort, a position error and a speed, all V."""
         if abs(error_v) < self.error_threshold_v and abs(speed_v) < self.speed_threshold_v:
             return 0.0
-        return self.compensation_v if effort_v >= 0.0 else -self.compensation_v
+        return super().command_v(effort_v, error_v, speed_v)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from math import exp, isfinite, pi
 from typing import TYPE_CHECKING
 
-from flexarm_control.laws.gains import PdpGains
+from flexarm_control.laws.gains import CompensationLevel, PdpGains
 from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
 from flexarm_core.specs import Bounded, setting
 
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_control.laws.law_protocol import Memory
-
-_COMPENSATION_V = 0.7
-"""Level of (4-8)."""
 
 
 @dataclass(frozen=True)
@@ -130,8 +127,8 @@ class PdpcPlus:
     ----------
     gains : PdpGains, optional
         Gains of the PDP law (4-7).
-    compensation_v : float
-        Level of the Coulomb friction compensation during a move, V.
+    level : CompensationLevel, optional
+        Level of the Coulomb friction compensation during a move.
     rest : Rest, optional
         Thresholds of the rest, and the help to the bent arm.
     """
@@ -139,11 +136,11 @@ class PdpcPlus:
     def __init__(
         self,
         gains: PdpGains | None = None,
-        compensation_v: float = _COMPENSATION_V,
+        level: CompensationLevel | None = None,
         rest: Rest | None = None,
     ) -> None:
         self._gains = gains if gains is not None else PdpGains()
-        self._compensation_v = compensation_v
+        self._level = level if level is not None else CompensationLevel()
         rest = rest if rest is not None else Rest()
         self._rest = CalmRest(rest, rest.rate_hz)
 
@@ -154,16 +151,14 @@ class PdpcPlus:
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
-        gains = self._gains
         error_v, strain_v, speed_v = reference_v - volts[0], volts[1], volts[3]
-        effort_v = gains.kp * error_v - gains.kd * speed_v - gains.ksg * volts[2]
+        effort_v = self._gains.effort_v(error_v, volts)
         if not (isfinite(effort_v) and isfinite(strain_v) and isfinite(error_v + speed_v)):
             return NO_EFFORT
         help_v = self._rest.step(error_v, strain_v, speed_v)
         if self._rest.resting:
             return limited(effort_v, help_v)
-        level_v = self._compensation_v
-        return limited(effort_v, level_v if effort_v >= 0.0 else -level_v)
+        return limited(effort_v, self._level.command_v(effort_v, error_v, speed_v))
 
     def reset(self) -> None:
         """Return to the state before the first sample."""

@@ -106,7 +106,7 @@ class Planned:
         # Friction brakes too: the command has the same peak with the move and against it.
         braking = 1.0 + 2.0 * level.compensation_v / settings.peak_v
         self._limits = Limits(settings.peak_v, braking)
-        self._loop = PdpcPlus(gains, level.compensation_v, rest)
+        self._loop = PdpcPlus(gains, level, rest)
         self._observes = sensing.observer_hz > 0.0
         self._observer = FrictionObserver(sensing, rest.rate_hz)
         self._meaned = int(rest.rate_hz // _WEIGHED_HZ)

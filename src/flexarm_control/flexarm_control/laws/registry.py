@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from flexarm_control.laws.gains import (
-    Compensation,
     CompensationLevel,
     Coulomb,
     OptionalCompensation,
@@ -27,8 +26,7 @@ from flexarm_control.laws.lqg import (
     packaged_designs,
 )
 from flexarm_control.laws.payload import PayloadDetection, PayloadEstimate, PayloadSensing
-from flexarm_control.laws.pd import Pd
-from flexarm_control.laws.pdpc import Pdp, Pdpc
+from flexarm_control.laws.pdpc import Pd, Pdp, Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest, RestThresholds
 from flexarm_control.laws.pdpc_scheduled import ScheduledPdpc, ScheduleGains
 from flexarm_control.laws.pi import Pi
@@ -177,7 +175,7 @@ _ROWS = (
     LawSpec(
         "pdpc_unconditional",
         "PDP with Coulomb friction compensation that stays on (Figure 4-10 c, d)",
-        lambda gains, level: Pdpc(gains, Compensation(level.compensation_v), conditional=False),
+        Pdpc,
         (PdpGains, CompensationLevel),
         tuning="pdp",
         uses_outputs=_PDP_OUTPUTS,
@@ -205,7 +203,7 @@ _ROWS = (
     LawSpec(
         "pdpc_plus",
         "PDPC that comes to rest without gear hitting and lets no swing live on (chapter 5)",
-        lambda gains, level, rest: PdpcPlus(gains, level.compensation_v, rest),
+        PdpcPlus,
         (TunedPdpGains, CompensationLevel, Rest),
         tuning="pdp",
         plays=_itself,

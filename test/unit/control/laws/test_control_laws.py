@@ -20,6 +20,7 @@ from flexarm_control import (
     PdpGains,
     build_law,
 )
+from flexarm_control.laws.gains import CompensationLevel
 from flexarm_control.laws.law_protocol import hearing
 
 ONLY_POSITION = PdpGains(kp=1.0, kd=0.0, ksg=0.0)
@@ -109,9 +110,9 @@ def test_pdpc___step___follows_the_truth_table(
     assert effort == Effort(error_v, compensation_v)
 
 
-@pytest.mark.parametrize("conditional", [True, False])
-def test_pdpc___effort___is_that_of_4_7(*, conditional: bool) -> None:
-    law = Pdpc(PdpGains(kp=0.5, kd=4.0, ksg=0.25), conditional=conditional)
+@pytest.mark.parametrize("compensation", [Compensation(), CompensationLevel()])
+def test_pdpc___effort___is_that_of_4_7(compensation: CompensationLevel) -> None:
+    law = Pdpc(PdpGains(kp=0.5, kd=4.0, ksg=0.25), compensation)
 
     effort = law.step((1.0, 7.0, 2.0, 0.1), 3.0)
 
@@ -119,7 +120,7 @@ def test_pdpc___effort___is_that_of_4_7(*, conditional: bool) -> None:
 
 
 def test_pdpc_unconditional___at_the_set_point___still_compensates() -> None:
-    law = Pdpc(ONLY_POSITION, conditional=False)
+    law = Pdpc(ONLY_POSITION, CompensationLevel(0.7))
 
     assert law.step((0.0, 0.0, 0.0, 0.0), 0.001).compensation_v == 0.7
     assert law.step((0.0, 0.0, 0.0, 0.0), -0.001).compensation_v == -0.7
@@ -201,7 +202,7 @@ def test_build_law___every_value___reaches_the_law() -> None:
     values = {"kp": 0.1, "kd": 0.2, "ksg": -0.3, "compensation_v": 0.4}
 
     assert build_law("pdpc_unconditional", values) == Pdpc(
-        PdpGains(0.1, 0.2, -0.3), Compensation(0.4), conditional=False
+        PdpGains(0.1, 0.2, -0.3), CompensationLevel(0.4)
     )
     assert build_law("pd", {"kp": 0.1, "kd": 0.2, "compensation_v": 0.4}) == Pd(
         PdGains(0.1, 0.2), Coulomb(0.4)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_control import Compensation, Pdpc, PdpcPlus, PdpGains, step_figures
+from flexarm_control.laws.gains import CompensationLevel
 from flexarm_control.laws.pdpc_plus import Rest
 from flexarm_control.simulation import simulate
 from flexarm_daq import RigParameters, SimulatedRig
@@ -55,7 +56,7 @@ def test_way___is_that_of_pdpc() -> None:
 
 
 def test_rest___begins_and_ends_with_a_hysteresis() -> None:
-    law = PdpcPlus(POSITION_ONLY, 0.7, REST)
+    law = PdpcPlus(POSITION_ONLY, CompensationLevel(0.7), REST)
 
     def compensation_v(error_v: float) -> float:
         for _ in range(100):
@@ -69,7 +70,7 @@ def test_rest___begins_and_ends_with_a_hysteresis() -> None:
 
 
 def test_rest___one_spike_of_the_tachometer___does_not_end_it() -> None:
-    law = PdpcPlus(POSITION_ONLY, 0.7, REST)
+    law = PdpcPlus(POSITION_ONLY, CompensationLevel(0.7), REST)
     law.step((0.0, 0.0, 0.0, 0.0), 0.0)
 
     assert law.step((0.0, 0.0, 0.0, 0.12), 0.0).compensation_v == 0.0
@@ -80,7 +81,7 @@ def test_rest___one_spike_of_the_tachometer___does_not_end_it() -> None:
 
 @pytest.mark.parametrize("strain_v", [-2.0, -0.2, -0.1, 0.0, 0.1, 0.2, 2.0])
 def test_rest___bent_arm___is_helped_to_turn_the_motor(strain_v: float) -> None:
-    law = PdpcPlus(POSITION_ONLY, 0.7, Rest(release_v=0.5, release_strain_v=0.2))
+    law = PdpcPlus(POSITION_ONLY, CompensationLevel(0.7), Rest(release_v=0.5, release_strain_v=0.2))
     for _ in range(200):
         effort = law.step((1.0, strain_v, 0.0, 0.0), 1.0)
 
@@ -90,11 +91,11 @@ def test_rest___bent_arm___is_helped_to_turn_the_motor(strain_v: float) -> None:
 
 
 def test_reset___forgets_the_rest() -> None:
-    law = PdpcPlus(POSITION_ONLY, 0.7, REST)
+    law = PdpcPlus(POSITION_ONLY, CompensationLevel(0.7), REST)
     for _ in range(50):
         law.step((0.0, 1.0, 0.0, 0.0), 0.0)
 
     law.reset()
 
-    fresh = PdpcPlus(POSITION_ONLY, 0.7, REST)
+    fresh = PdpcPlus(POSITION_ONLY, CompensationLevel(0.7), REST)
     assert law.step((0.0, 0.0, 0.0, 0.0), 0.03) == fresh.step((0.0, 0.0, 0.0, 0.0), 0.03)
