@@ -8,9 +8,8 @@ plain file, and no more unpacked bytes than are allowed to one of its size.
 from __future__ import annotations
 
 import shutil
-import sqlite3
 import tempfile
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -54,8 +53,6 @@ _COPY_BYTES = 1 << 20
 _FEW_BYTES = 8 << 20
 # The copy of a compressed bag leaves as much of the temporary folder free as it takes.
 _FREE_PART = 2
-# Tables of a database that are read; a view or a computed column can give rows without end.
-_GENERATED = {2, 3}
 
 
 @contextmanager
@@ -142,12 +139,10 @@ def require_bounded_file(file: Path, *, unpacks: bool = False) -> None:
     Raises
     ------
     BoundError
-        If the file is no plain one, its chunks would take too much, or its tables are computed.
+        If the file is no plain one or its chunks would take too much.
     """
     allowed = unpacked_bytes_allowed(require_plain_file(file))
-    if file.suffix == ".db3":
-        _require_stored_tables(file)
-    elif file.suffix == ".mcap" and file.stat().st_size:
+    if file.suffix == ".mcap" and file.stat().st_size:
         with (
             file.open("rb") as stream,
             mapped(stream) as data,
@@ -272,18 +267,3 @@ def require_bounded_messages(reader: AnyReader) -> None:
             left -= unpacked_bytes(bytes(raw), "zstd", left)
             if left < 0:
                 raise BoundError(too_much(allowed))
-
-
-def _require_stored_tables(file: Path) -> None:
-    with (
-        suppress(sqlite3.Error),  # told by who reads it
-        closing(sqlite3.connect(f"{file.absolute().as_uri()}?immutable=1", uri=True)) as database,
-    ):
-        tables = database.execute("SELECT name, type, sql FROM sqlite_master").fetchall()
-        for name, kind, text in tables:
-            if kind not in {"table", "view"}:
-                continue
-            columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,))
-            is_stored = kind == "table" and not str(text).upper().startswith("CREATE VIRTUAL")
-            if not is_stored or any(hidden in _GENERATED for (hidden,) in columns):
-                raise BoundError(f"{file.name}: {name} is computed and not stored: no bag has that")

@@ -13,16 +13,13 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
 from flexarm_bags.bounds import bounded, require_bounded_file, require_bounded_messages
 from flexarm_bags.content import ContentCheck
 from flexarm_bags.encodings import foreign_topics, ros_messages
-from flexarm_bags.known_types import require_known_order
 from flexarm_bags.mcap_check import McapExamination, TopicMessages
 from flexarm_bags.metadata import in_order, parts_of, plain_name, read_information
 from flexarm_bags.records.chunks import Messages
-from flexarm_bags.schema import DefinitionError
 from flexarm_core.bounds import YamlError, shown, yaml_content
 from flexarm_core.errors import BagError, FlexarmError, one_line
 
@@ -143,10 +140,6 @@ class _Check:
         except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
             self._problems.append(f"cannot be opened: {one_line(error)}")
             return None
-        try:
-            require_known_order(reader, get_typestore(Stores.ROS2_JAZZY))
-        except DefinitionError as error:
-            self._problems.append(str(error))
         return reader
 
     def _messages(

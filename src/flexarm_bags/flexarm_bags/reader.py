@@ -27,7 +27,6 @@ from flexarm_bags.bounds import (
     storages,
 )
 from flexarm_bags.encodings import ros_messages
-from flexarm_bags.known_types import require_known_order
 from flexarm_bags.metadata import parts_of, repair_advice
 from flexarm_bags.records.chunks import (
     IndexedFile,
@@ -156,7 +155,6 @@ def opened(path: Path) -> Iterator[Bag]:
             common = get_typestore(Stores.ROS2_JAZZY)
             reader = stack.enter_context(AnyReader(plain, default_typestore=common))
             require_bounded_messages(reader)
-            require_known_order(reader, common)
             streams = [stack.enter_context(file.open("rb")) for file in _plain_mcap_files(reader)]
             yield Bag(path, reader, tuple(IndexedFile(stream) for stream in streams))
     except (BagError, DataError, BoundError, DefinitionError) as error:

@@ -211,33 +211,6 @@ def test_bag_of_another_writer___is_within_bounds(
         assert len(found.recorded(STATE)) == 50
 
 
-COLUMNS = "id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER"
-COUNTED = """
-WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c)
-SELECT x AS id, 1 AS topic_id, x AS timestamp, zeroblob(9) AS data FROM c
-"""
-
-
-@pytest.mark.parametrize(
-    "table",
-    [
-        f"CREATE TABLE messages({COLUMNS}, data BLOB AS (zeroblob(900000000)))",
-        f"CREATE VIEW messages AS {COUNTED}",
-    ],
-)
-@pytest.mark.parametrize("way", [read, played, checked])
-def test_table_that_is_computed___is_refused(
-    tmp_path: Path, table: str, way: Callable[[Path], None]
-) -> None:
-    bag = write_foreign(tmp_path / "run", controlled_run(5), StoragePlugin.SQLITE3)
-    with closing(sqlite3.connect(next(bag.glob("*.db3")))) as database, database:
-        database.execute("DROP TABLE messages")
-        database.execute(table)
-        if "VIEW" not in table:
-            database.execute("INSERT INTO messages(id, topic_id, timestamp) VALUES(1, 1, 1)")
-    assert "messages is computed and not stored" in refusal(bag, way)
-
-
 def test_what_follows_the_footer___is_not_copied(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "run", controlled_run(20))
     with mcap_file(bag).open("ab") as file:

@@ -11,12 +11,10 @@ from rosbags.interfaces import Nodetype
 
 from flexarm_bags.check import check_bag
 from flexarm_bags.definitions import Definitions, definition_hash
-from flexarm_bags.known_types import OURS, exchanged
 from flexarm_bags.reader import opened
 from flexarm_bags.records.columns import CdrError, members
 from flexarm_bags.repair import repair_bag
 from flexarm_bags.schema import describe, load_typestore
-from flexarm_core.errors import BagError
 from support.bag_samples import (
     controlled_run,
     experiment,
@@ -33,34 +31,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 FLOAT = "std_msgs/msg/Float64"
-
-
-def swapped(text: str, one: str, other: str) -> str:
-    return text.replace(one, "@").replace(other, one).replace("@", other)
-
-
-@pytest.mark.parametrize("type_name", OURS)
-def test_known_members___are_those_of_the_messages(type_name: str) -> None:
-    _, fields = typestore().fielddefs[type_name]
-    assert tuple(name for name, _ in fields) == OURS[type_name]
-
-
-def test_exchanged___are_members_in_another_order_only() -> None:
-    known = ("a", "b", "c")
-    assert exchanged(known, known) == ""
-    assert exchanged(known, ("a", "c", "new")) == ""
-    assert exchanged(known, ("x", "a", "b", "c")) == ""
-    assert exchanged(known, ("a", "c", "b")) == "c, b"
-
-
-def test_position_and_speed_exchanged___is_refused_and_told(tmp_path: Path) -> None:
-    text = swapped(definition(), "position_v", "speed_v")
-    bag = write_defined_bag(tmp_path / "run", open_loop(range(1, 100)), text)
-    said = "definition of flexarm_msgs/msg/ArmState has speed_v, position_v in another order"
-    with pytest.raises(BagError, match=said), opened(bag):
-        pass
-    (problem,) = check_bag(bag).problems
-    assert said in problem
 
 
 def test_member_that_a_known_type_lacks___is_no_fault(tmp_path: Path) -> None:
