@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_control import build_law
-from flexarm_daq.rigs.gym import ArmVectorEnv, Task
+from flexarm_extras.gym import ArmVectorEnv, Task
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

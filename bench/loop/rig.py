@@ -17,9 +17,9 @@ import numpy as np
 from bench.tools import json_option, make_table, write_json
 from flexarm_bringup.console import terminal
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.rigs.batch import RigBatch
-from flexarm_daq.rigs.gym import ArmVectorEnv
 from flexarm_daq.rigs.plant import Plant, simulate
+from flexarm_extras.batch import RigBatch
+from flexarm_extras.gym import ArmVectorEnv
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -17,7 +17,6 @@ setup(
     ],
     install_requires=["setuptools"],
     extras_require={
-        "gym": ["gymnasium>=1.1,<2"],
         "mujoco": ["mujoco>=3.3,<5"],
         "nidaq": ["nidaqmx>=1.0,<2"],
         "test": ["pytest"],

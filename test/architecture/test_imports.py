@@ -28,7 +28,7 @@ STOREYS = (
     {"flexarm_control"},
     {"flexarm_live"},
     {"flexarm_bringup"},
-    {"reproduction"},
+    {"reproduction", "flexarm_extras"},
 )
 STOREY = {package: number for number, row in enumerate(STOREYS) for package in row}
 # The loop in memory takes any rig by its Protocol; the page draws the arm and runs the catalogue;
@@ -97,7 +97,8 @@ def test_rig___is_imported___by_the_command_and_the_loop_in_memory_only() -> Non
     users = {
         module.name
         for module in MODULES
-        if module.package not in {"flexarm_daq", "flexarm_bringup", "reproduction"}
+        if module.package
+        not in {"flexarm_daq", "flexarm_bringup", "reproduction", "flexarm_extras"}
         and any(name.partition(".")[0] == "flexarm_daq" for name in module.imported)
     }
     assert users <= USERS_OF_THE_RIG

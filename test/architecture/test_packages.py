@@ -45,8 +45,6 @@ ROSDEP = {
 # Without a key, or with one that is too old on Ubuntu 24.04 (websockets 10): `setup.py` names them,
 # with the bounds of requirements/base.in.
 FROM_PIP = {"control", "lz4", "mcap", "threadpoolctl", "websockets", "zstandard"}
-# Imported for an extra only, which `setup.py` names.
-FOR_EXTRA = {"gymnasium"}
 DEPENDS = {"depend", "exec_depend", "build_depend", "build_export_depend"}
 PACKAGES = sorted(setup.parent for setup in SOURCES.glob("flexarm_*/setup.py"))
 EVERY_PACKAGE = sorted(manifest.parent for manifest in SOURCES.glob("flexarm_*/package.xml"))
@@ -67,7 +65,7 @@ def imported(folder: Path) -> set[str]:
 
 def keys(names: set[str]) -> list[str]:
     """Return the keys of rosdep for what has one."""
-    return sorted(ROSDEP.get(name, name) for name in names - FROM_PIP - FOR_EXTRA)
+    return sorted(ROSDEP.get(name, name) for name in names - FROM_PIP)
 
 
 def manifest_of(package: Path) -> ET.Element:
@@ -108,13 +106,6 @@ def test_setup___requires___what_rosdep_has_no_key_for(package: Path) -> None:
     bounds = {found[1]: found[2] for line in lines if (found := re.match(r"([\w-]+)(\S+)", line))}
     wanted = [f"{name}{bounds[name]}" for name in sorted(imported(package) & FROM_PIP)]
     assert setup_arguments(package)["install_requires"] == ["setuptools", *wanted]
-
-
-@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))
-def test_setup___has_extras___for_what_only_they_bring(package: Path) -> None:
-    extras = setup_arguments(package)["extras_require"]
-    brought = {re.split(r"[^\w-]", each)[0] for lines in extras.values() for each in lines}
-    assert imported(package) & FOR_EXTRA <= brought
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))

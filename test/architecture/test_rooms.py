@@ -16,13 +16,13 @@ MOST_MODULES = 20
 NO_TITLE = {"What", "How", "Whether", "Where", "Why", "Which", "When"}
 UNIT_TESTS = PROJECT / "test" / "unit"
 # Test folders of what stands beside the packages.
-BESIDE = {"bench"}
+BESIDE = {"bench", "extras", "extras/gym"}
 
 
 def test_files___are___at_most_500_lines_long() -> None:
     lengths = {
         str(file.relative_to(PROJECT)): len(file.read_text("utf-8").splitlines())
-        for folder in ("src", "reproduction", "bench", "examples", "test")
+        for folder in ("src", "extras", "reproduction", "bench", "examples", "test")
         for file in (PROJECT / folder).rglob("*.py")
     }
     assert {file: lines for file, lines in lengths.items() if lines > MOST_LINES} == {}

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 SOURCES = PROJECT / "src"
 REPRODUCTION = PROJECT / "reproduction"
+EXTRAS = PROJECT / "extras" / "flexarm_extras"
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,11 @@ def _walk_without_types(tree: ast.AST) -> Iterator[ast.AST]:
 
 @cache
 def project_modules() -> tuple[Module, ...]:
-    """Return the modules of every package under `src`, and of the reproduction beside it."""
+    """Return the modules of every package under `src`, of the reproduction and the extras."""
     packages = sorted(
         setup.parent / setup.parent.name for setup in SOURCES.glob("flexarm_*/setup.py")
     )
-    roots = [*packages, *([REPRODUCTION] if REPRODUCTION.is_dir() else [])]
+    roots = [*packages, *(each for each in (REPRODUCTION, EXTRAS) if each.is_dir())]
     return tuple(
         Module(_dotted(file, root.parent), file)
         for root in roots

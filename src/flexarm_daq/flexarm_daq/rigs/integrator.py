@@ -3,7 +3,7 @@
 `flexarm_daq.rigs.substep` has the sub-steps that an interval is made of.
 
 The functions write arrays in place and check nothing; `flexarm_daq.rigs.plant.Plant` calls them for
-one rig, `flexarm_daq.rigs.batch.RigBatch` for many.
+one rig, `flexarm_extras.batch.RigBatch` (in `extras`) for many.
 """
 
 from __future__ import annotations

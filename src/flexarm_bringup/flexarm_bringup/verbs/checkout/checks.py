@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 DOCTEST = ("pytest", "--doctest-modules", "--doctest-glob", "*.md")
 """Pytest on the examples of docstrings and pages; the blocks of a page go on from one another."""
-EXAMPLES = (*DOCTEST, "--doctest-ignore-import-errors", "src", "reproduction", "docs")
+EXAMPLES = (*DOCTEST, "--doctest-ignore-import-errors", "src", "extras", "reproduction", "docs")
 BY_FILE = ("--dist", "loadfile", "--no-loadscope-reorder")
 """Spread of the tests over workers: files in their order, which begins with the slow ones."""
 _QUICK_FOLDERS = ("test/unit", "test/architecture")

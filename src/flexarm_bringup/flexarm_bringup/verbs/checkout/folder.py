@@ -18,5 +18,5 @@ def checkout(what: str) -> Path:
 
 def environment(root: Path) -> dict[str, str]:
     """Return this process's environment, in which its children find the folders of the checkout."""
-    paths = [str(root), os.environ.get("PYTHONPATH", "")]
+    paths = [str(root), str(root / "extras"), os.environ.get("PYTHONPATH", "")]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}

@@ -7,8 +7,8 @@ import pytest
 
 from flexarm_core.errors import SettingError
 from flexarm_daq.rigs.faulty import SENSOR_FAULTS, Fault
-from flexarm_daq.rigs.gym.task import SensorFault, Task, draw_episode
 from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_extras.gym.task import SensorFault, Task, draw_episode
 
 
 @pytest.mark.parametrize(

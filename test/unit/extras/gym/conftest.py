@@ -16,4 +16,4 @@ collect_ignore_glob = [] if _IS_THERE else ["test_*.py"]
 def pytest_terminal_summary(terminalreporter: TerminalReporter) -> None:
     """Say that tests were left out."""
     if not _IS_THERE:
-        terminalreporter.write_line("no tests of rigs.gym: pip install -r requirements/gym.in")
+        terminalreporter.write_line("no tests of extras: pip install -r requirements/gym.in")

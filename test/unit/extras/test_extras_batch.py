@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.batch import RigBatch
 from flexarm_daq.rigs.plant import Plant, simulate
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_daq.rigs.simulated import SimulatedRig
+from flexarm_extras.batch import RigBatch
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -3,7 +3,7 @@
 Importing this package registers `flexarm/Arm-v0`::
 
     import gymnasium
-    import flexarm_daq.rigs.gym
+    import flexarm_extras.gym
     arm = gymnasium.make("flexarm/Arm-v0")
     arms = gymnasium.make_vec("flexarm/Arm-v0", num_envs=1024)
 """
@@ -12,20 +12,20 @@ from importlib.util import find_spec
 
 if find_spec("gymnasium") is None:
     raise ModuleNotFoundError(
-        "flexarm_daq.rigs.gym needs gymnasium: pip install -r requirements/gym.in, or "
+        "flexarm_extras.gym needs gymnasium: pip install -r requirements/gym.in, or "
         'pip install "./flexarm[gym]"',
         name="gymnasium",
     )
 
 from gymnasium.envs.registration import register
 
-from flexarm_daq.rigs.gym.arm_env import ArmEnv, ArmVectorEnv
-from flexarm_daq.rigs.gym.task import SensorFault, Task
+from flexarm_extras.gym.arm_env import ArmEnv, ArmVectorEnv
+from flexarm_extras.gym.task import SensorFault, Task
 
 __all__ = ["ArmEnv", "ArmVectorEnv", "SensorFault", "Task"]
 
 register(
     "flexarm/Arm-v0",
-    entry_point="flexarm_daq.rigs.gym.arm_env:ArmEnv",
-    vector_entry_point="flexarm_daq.rigs.gym.arm_env:ArmVectorEnv",
+    entry_point="flexarm_extras.gym.arm_env:ArmEnv",
+    vector_entry_point="flexarm_extras.gym.arm_env:ArmVectorEnv",
 )

@@ -12,8 +12,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.gym.episodes import LARGEST_V, OBSERVED, Episodes
-from flexarm_daq.rigs.gym.task import Task
+from flexarm_extras.gym.episodes import LARGEST_V, OBSERVED, Episodes
+from flexarm_extras.gym.task import Task
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -15,9 +15,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from flexarm_core.errors import SettingError
 from flexarm_daq.rigs.faulty import Fault
-from flexarm_daq.rigs.gym import ArmEnv, ArmVectorEnv, Task
-from flexarm_daq.rigs.gym.task import SensorFault, draw_episode
 from flexarm_daq.rigs.simulated import SimulatedRig
+from flexarm_extras.gym import ArmEnv, ArmVectorEnv, Task
+from flexarm_extras.gym.task import SensorFault, draw_episode
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -216,7 +216,7 @@ def test_arm_with_its_own_seed___is_the_arm_of_that_seed() -> None:
 def test_without_gymnasium___the_import_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.delitem(sys.modules, "flexarm_daq.rigs.gym")
+    monkeypatch.delitem(sys.modules, "flexarm_extras.gym")
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     with pytest.raises(ModuleNotFoundError, match=r"needs gymnasium: pip install"):
-        import_module("flexarm_daq.rigs.gym")
+        import_module("flexarm_extras.gym")

@@ -12,16 +12,16 @@ import numpy as np
 
 from flexarm_core.channels import BOUND_V, CHANNEL_NAMES, INPUT_RANGE_V, MAX_COMMAND_V
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.batch import RigBatch
 from flexarm_daq.rigs.faulty import FaultySensor
-from flexarm_daq.rigs.gym.task import draw_episode
+from flexarm_extras.batch import RigBatch
+from flexarm_extras.gym.task import draw_episode
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from flexarm_daq.rigs.gym.task import Task
+    from flexarm_extras.gym.task import Task
 
 OBSERVED: Final = (*CHANNEL_NAMES, "set_point_v", "command_v")
 """Names of an observation's entries."""
