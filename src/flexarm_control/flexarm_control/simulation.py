@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.labels import axis_label
 from flexarm_core.showing.tables import html_table
 from flexarm_core.showing.traces import Panel, plot_traces
+from flexarm_core.signals import RigSample
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -188,11 +189,6 @@ def _run(
     return LoopRun(time_s, y, answers[:, 0], answers[:, 1], reference_v, true_y)
 
 
-class _ModelSample(NamedTuple):
-    time_s: float
-    outputs: FloatArray
-
-
 class _ModelRig:
     """Linear model of the arm, at rest when it is opened."""
 
@@ -205,8 +201,8 @@ class _ModelRig:
         self._samples = 0
         self._state = np.zeros(len(self._a))
 
-    def read(self) -> _ModelSample:
-        return _ModelSample(self._dt_s * self._samples, self._c @ self._state)
+    def read(self) -> RigSample:
+        return RigSample(self._dt_s * self._samples, self._c @ self._state)
 
     def write(self, commands: Sequence[float]) -> None:
         self._samples += 1

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.nearest import nearest
+from flexarm_core.signals import RigSample, steps_to
 from flexarm_ident.friction.dry_friction import load_friction
 from flexarm_ident.models.files import load_model, load_parameters
 
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from flexarm_core.rig_description import RigDescription
     from flexarm_ident.friction.dry_friction import DryFriction
 
-MAX_CATCH_UP_S: Final = 1.0
-"""Longest gap of real time that is computed, s; the rest of a longer gap is left out."""
 STOP_REACHES: Final = 10.0
 """The force of a stop, in parts of the largest command of the joint's input."""
 SLOW_HZ: Final = 0.05
@@ -32,13 +31,6 @@ SLOW_HZ: Final = 0.05
 
 class TwinError(FlexarmError):
     """Twin that is not open, or has no number for a command."""
-
-
-class TwinSample(NamedTuple):
-    """Outputs of a twin at one instant; see `flexarm_daq.rigs.rig_protocol.RigSample`."""
-
-    time_s: float
-    outputs: FloatArray
 
 
 class _Stop(NamedTuple):
@@ -148,13 +140,14 @@ class TwinRig:
         self._advance(0)
         self._is_open = True
 
-    def read(self) -> TwinSample:
+    def read(self) -> RigSample:
         """Sample the outputs with noise."""
         self._require_open()
         time_s = self._steps * self._dt_s
         if self.clock is not None:
             now_s = self.clock()
-            self._follow(now_s)
+            steps, self._moved_s = steps_to(now_s, self._moved_s, self._dt_s)
+            self._advance(steps)
             time_s = now_s - self._begun_s
         elif self._has_sampled:
             self._advance(1)
@@ -162,7 +155,7 @@ class TwinRig:
         self._has_sampled = True
         noise = self._noise * self._random.standard_normal(len(self._noise))
         outputs = self._c @ self._x + self._d @ (self._u - self._offsets) + noise
-        return TwinSample(time_s, outputs)
+        return RigSample(time_s, outputs)
 
     def write(self, commands: Sequence[float]) -> None:
         """Command the drives until the next write."""
@@ -171,7 +164,8 @@ class TwinRig:
         if values.shape != self._u.shape or not np.isfinite(values).all():
             raise TwinError(f"commands must be {len(self._u)} finite numbers, got {commands}")
         if self.clock is not None:
-            self._follow(self.clock())
+            steps, self._moved_s = steps_to(self.clock(), self._moved_s, self._dt_s)
+            self._advance(steps)
         self._u = values
 
     def safe_stop(self) -> None:
@@ -187,14 +181,6 @@ class TwinRig:
     def _require_open(self) -> None:
         if not self._is_open:
             raise TwinError("the twin is not open: call open() first")
-
-    def _follow(self, now_s: float) -> None:
-        gap_s = now_s - self._moved_s
-        if gap_s > MAX_CATCH_UP_S:
-            gap_s, self._moved_s = MAX_CATCH_UP_S, now_s - MAX_CATCH_UP_S
-        steps = math.floor(gap_s / self._dt_s)
-        self._advance(steps)
-        self._moved_s += steps * self._dt_s
 
     def _advance(self, steps: int) -> None:
         # It loads a compiler, which a description that is only checked does not need.

@@ -7,7 +7,6 @@ units, ranges and travel are those of the packaged rig description ``thesis``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from flexarm_core.rig_description import load_rig
@@ -31,40 +30,13 @@ INPUT_RANGE_V: Final = _RIG.outputs[0].high
 """The analogue inputs read from minus to plus this voltage and clip beyond it."""
 
 
-@dataclass(frozen=True)
-class Channel:
-    """A voltage and the physical quantity it stands for.
-
-    Attributes
-    ----------
-    name : str
-        Name of the voltage, ending in ``_v``.
-    si_name : str
-        Name of the quantity, with its unit as suffix.
-    volts_per_si : float
-        Volts per SI unit.
-    """
-
-    name: str
-    si_name: str
-    volts_per_si: float
-
-    def to_si(self, volts: float) -> float:
-        """Convert a voltage to the physical quantity, in SI units."""
-        return volts / self.volts_per_si
-
-
-_SI_NAMES = ("position_rad", "base_moment_nm", "middle_moment_nm", "speed_rad_per_s")
-CHANNELS: Final = tuple(
-    Channel(output.name, si_name, output.per_si or 1.0)
-    for output, si_name in zip(_RIG.outputs, _SI_NAMES, strict=True)
-)
+CHANNELS: Final = _RIG.outputs
 """The four sensors y1 to y4, in the order of the analogue inputs ACH0 to ACH3."""
 
 CHANNEL_NAMES: Final = _RIG.output_names
 """Names of the four sensors, in the order of `CHANNELS`."""
 
-COMMAND: Final = Channel(_DRIVE.name, "current_a", _DRIVE.per_si or 1.0)
+COMMAND: Final = _DRIVE
 """The rig's only input: the drive's current command."""
 
 (
@@ -72,9 +44,9 @@ COMMAND: Final = Channel(_DRIVE.name, "current_a", _DRIVE.per_si or 1.0)
     BASE_STRAIN_V_PER_NM,
     MIDDLE_STRAIN_V_PER_NM,
     SPEED_V_S_PER_RAD,
-) = (channel.volts_per_si for channel in CHANNELS)
+) = (channel.per_si or 1.0 for channel in CHANNELS)
 
-DRIVE_A_PER_V: Final = 1.0 / COMMAND.volts_per_si
+DRIVE_A_PER_V: Final = COMMAND.to_si(1.0)
 """Gain of the current drive (Figure 2-2)."""
 
 TRAVEL_V: Final = _HUB.high

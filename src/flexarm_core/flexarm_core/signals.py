@@ -2,7 +2,54 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from flexarm_core.arrays import FloatArray
+
+MAX_CATCH_UP_S: Final = 1.0
+"""Longest gap of real time that a simulated rig moves on by, s; the rest is left out."""
+
+
+class RigSample(NamedTuple):
+    """Readings of all sensors of a rig at one instant.
+
+    Attributes
+    ----------
+    time_s : float
+        Instant of the sample, since the rig was opened, s.
+    outputs : ndarray, (outputs,)
+        Readings in the order of the rig's description: for the thesis's arm the four voltages of
+        `flexarm_core.channels.CHANNELS`.
+    """
+
+    time_s: float
+    outputs: FloatArray
+
+
+def steps_to(now_s: float, moved_s: float, step_s: float) -> tuple[int, float]:
+    """Return the whole steps of a simulated rig from where it has moved to the present.
+
+    Parameters
+    ----------
+    now_s, moved_s : float
+        The present, and the instant that the rig has reached, s.
+    step_s : float
+        Length of a step, s.
+
+    Returns
+    -------
+    steps : int
+        Steps, of at most `MAX_CATCH_UP_S` together.
+    moved_s : float
+        Instant that the rig reaches by them, s.
+    """
+    gap_s = now_s - moved_s
+    if gap_s > MAX_CATCH_UP_S:
+        gap_s, moved_s = MAX_CATCH_UP_S, now_s - MAX_CATCH_UP_S
+    steps = max(0, math.floor(gap_s / step_s))
+    return steps, moved_s + steps * step_s
 
 
 class Sample(NamedTuple):

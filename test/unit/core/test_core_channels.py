@@ -14,7 +14,7 @@ def test_channels___names___in_the_order_of_the_analogue_inputs() -> None:
 
 def test_position___three_volts___is_thirty_five_degrees() -> None:
     assert math.degrees(CHANNELS[0].to_si(3.0)) == pytest.approx(35.0)
-    assert CHANNELS[0].volts_per_si == pytest.approx(4.911, abs=5e-4)
+    assert CHANNELS[0].per_si == pytest.approx(4.911, abs=5e-4)
 
 
 def test_command___full_scale___is_five_amperes() -> None:

@@ -166,7 +166,7 @@ class ScheduledPdpc:
         self._estimator = PayloadEstimator(detection)
         self._share = min(1.0, 1.0 / (detection.rate_hz * _RAMP_S))
         self._law = self._robust
-        self._wanted = gains.robust
+        self._usual = self._gains = self._wanted = gains.robust
         self._payload = NO_ESTIMATE
         self._samples = 0
 
@@ -183,9 +183,9 @@ class ScheduledPdpc:
             self._payload = self._estimator.estimate
             if self._payload.detected:
                 self._wanted = self._schedule.at(self._payload.payload_kg)
-        gains = self._law.gains
-        if gains != self._wanted:
-            self._law = replace(self._law, gains=between(gains, self._wanted, self._share))
+        if self._gains != self._wanted:
+            self._gains = between(self._gains, self._wanted, self._share)
+            self._law = replace(self._robust, gains=self._gains)
         return self._law.step(volts, reference_v)
 
     def reset(self) -> None:
@@ -194,11 +194,11 @@ class ScheduledPdpc:
         self._payload = NO_ESTIMATE
         self._samples = 0
         self._law = self._robust
-        self._wanted = self._robust.gains
+        self._gains = self._wanted = self._usual
 
     def memory(self) -> Memory:
         """Return estimator and gains; see `LawWithMemory.memory`."""
-        gains, wanted = self._law.gains, self._wanted
+        gains, wanted = self._gains, self._wanted
         return {
             **self._estimator.memory(),
             "samples": (float(self._samples),),
@@ -210,5 +210,6 @@ class ScheduledPdpc:
         """Go on from an estimator and gains; see `LawWithMemory.remember`."""
         self._estimator.remember(memory)
         self._samples = int(memory["samples"][0])
-        self._law = replace(self._robust, gains=PdpGains(*memory["gains"]))
+        self._gains = PdpGains(*memory["gains"])
+        self._law = replace(self._robust, gains=self._gains)
         self._wanted = PdpGains(*memory["wanted_gains"])

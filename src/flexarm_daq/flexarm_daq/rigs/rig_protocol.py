@@ -7,15 +7,16 @@ the loop by a full period. PD and PDP control would then be unstable at 300 Hz.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from flexarm_core.errors import FlexarmError
+from flexarm_core.signals import RigSample
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
+
+__all__ = ["DriveNotStoppedError", "Rig", "RigError", "RigSample"]
 
 
 class RigError(FlexarmError):
@@ -24,22 +25,6 @@ class RigError(FlexarmError):
 
 class DriveNotStoppedError(RigError):
     """Failure to set the drive to zero: only the emergency stop is left."""
-
-
-class RigSample(NamedTuple):
-    """Readings of all sensors at one instant.
-
-    Attributes
-    ----------
-    time_s : float
-        Instant of the sample, since the rig was opened, s.
-    outputs : ndarray, (outputs,)
-        Readings in the order of the rig's description: for the thesis's arm the four voltages of
-        `flexarm_core.channels.CHANNELS`.
-    """
-
-    time_s: float
-    outputs: NDArray[np.float64]
 
 
 class Rig(Protocol):

@@ -10,16 +10,15 @@ import numpy as np
 
 from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
 from flexarm_core.errors import SettingError
+from flexarm_core.signals import MAX_CATCH_UP_S, RigSample
 from flexarm_daq.rigs.rig_parameters import RigParameters
-from flexarm_daq.rigs.rig_protocol import RigError, RigSample
+from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-MAX_CATCH_UP_S: Final = 1.0
-"""Longest gap of real time that is integrated, s; the rest of a longer gap is left out."""
 HUM_STREAM: Final = 1
 """Beside the seed: stream of the phase of the hum."""
 

@@ -79,7 +79,8 @@ def parameters_in_mat(content: bytes) -> dict[str, object]:
     if header.startswith(_OURS) and header != _header(body):
         raise ModelFileError("was damaged or changed after it was written: write it again")
     try:
-        variables = scipy.io.loadmat(io.BytesIO(content))
+        stream: Any = io.BytesIO(content)
+        variables = scipy.io.loadmat(stream)
         missing = [name for name in _VARIABLES if name not in variables]
         nested = None if missing else _nested(variables)
     except Exception as error:  # a damaged file makes scipy raise almost anything

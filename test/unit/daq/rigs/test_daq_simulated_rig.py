@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from flexarm_core.errors import SettingError
+from flexarm_core.signals import MAX_CATCH_UP_S
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.rigs.plant import Plant
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V
 from flexarm_daq.rigs.rig_protocol import Rig, RigError, RigSample
-from flexarm_daq.rigs.simulated import MAX_CATCH_UP_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable

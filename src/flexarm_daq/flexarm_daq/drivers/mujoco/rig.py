@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.signals import RigSample, steps_to
 from flexarm_daq.drivers.mujoco.arm import MujocoArm
-from flexarm_daq.rigs.rig_protocol import RigError, RigSample
-from flexarm_daq.rigs.simulated import MAX_CATCH_UP_S
+from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,7 +23,7 @@ class MujocoRig:
     In virtual time, the default, sample k stands at k / rate, however long the caller takes, and a
     command acts from the last sample on: the same seed and commands give the same numbers. With a
     clock each call moves the arm on to the present, by whole steps of the engine, and at most by
-    `MAX_CATCH_UP_S`.
+    `flexarm_core.signals.MAX_CATCH_UP_S`.
 
     Parameters
     ----------
@@ -109,10 +108,6 @@ class MujocoRig:
 
     def _follow(self, arm: MujocoArm, now_s: float) -> None:
         """Move on to an instant of the clock; the rest of a long gap is left out."""
-        gap_s = now_s - self._moved_s
-        if gap_s > MAX_CATCH_UP_S:
-            gap_s, self._moved_s = MAX_CATCH_UP_S, now_s - MAX_CATCH_UP_S
-        steps = math.floor(gap_s / arm.step_s)
-        if steps > 0:
+        steps, self._moved_s = steps_to(now_s, self._moved_s, arm.step_s)
+        if steps:
             arm.advance(steps)
-            self._moved_s += steps * arm.step_s

@@ -30,15 +30,14 @@ _TICKS = 6
 _LOOKS = (marks.SOLID, marks.DASHED, marks.DOTTED)
 _PER_RADIAN = math.degrees(1.0)
 _SHOWN_AS = {
-    "_nm": ("N m", 1.0),
-    "_rad": ("deg", _PER_RADIAN),
-    "_rad_per_s": ("deg/s", _PER_RADIAN),
+    "N m": ("N m", 1.0),
+    "rad": ("deg", _PER_RADIAN),
+    "rad/s": ("deg/s", _PER_RADIAN),
 }
 ARM_UNITS = {
-    channel.name: SecondUnit(unit, factor / channel.volts_per_si)
+    channel.name: SecondUnit(unit, factor * channel.to_si(1.0))
     for channel in CHANNELS
-    for ending, (unit, factor) in _SHOWN_AS.items()
-    if channel.si_name.endswith(ending)
+    for unit, factor in (_SHOWN_AS[channel.si_unit],)
 }
 """What the voltages of the arm stand for."""
 
