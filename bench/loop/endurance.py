@@ -109,7 +109,10 @@ def recorded(bag: Path, rate_hz: float, length_s: float, *, busy: bool) -> Run:
         if busy:
             burner.start()
         log = bag.with_name("nodes.log")
-        with running_graph(parameters, log, nodes=nodes) as (operator, processes):
+        with running_graph(parameters, log, nodes=nodes, compose=False) as (
+            operator,
+            processes,
+        ):
             operator.activate("controller")
             with terminal.progress_bar("recording", samples) as progress:
                 run = operator.sample(samples, progress)
@@ -133,7 +136,9 @@ def growth(rate_hz: float, hours: float, *, page: bool) -> dict[str, float]:
     next_look = 0.0
     with tempfile.TemporaryDirectory(prefix="flexarm_endurance_") as name, ExitStack() as stack:
         log = Path(name, "nodes.log")
-        operator, processes = stack.enter_context(running_graph(parameters, log, nodes=nodes))
+        operator, processes = stack.enter_context(
+            running_graph(parameters, log, nodes=nodes, compose=False)
+        )
         if page:
             stack.enter_context(_open_page())
         operator.activate("controller")

@@ -110,6 +110,7 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
         [
             str(ROOT / "flexarm"),
             "up",
+            "--separate",
             "--no-page",
             "--reference",
             "square",

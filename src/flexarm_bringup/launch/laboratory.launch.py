@@ -21,6 +21,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from flexarm_node.parameter_files import is_simulated
 from launch import LaunchDescription
 
 if TYPE_CHECKING:
@@ -78,8 +79,9 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 "compose",
-                default_value="false",
-                description="true: daq and controller in one process, for 1 and 2 kHz",
+                default_value="",
+                description="true: daq and controller in one process; false: in two; default: in "
+                "one for a simulated arm, in two for a board",
             ),
             DeclareLaunchArgument(
                 "real_time",
@@ -116,7 +118,7 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
             given[node][name] = ParameterValue(LaunchConfiguration(name), value_type=kind)
     if _is_wanted(context, "real_time"):
         given["daq"]["time"] = "real"
-    composed = _is_wanted(context, "compose")
+    composed = _is_composed(context, files[1:])
     clock = LaunchConfiguration("clock").perform(context)
     namespace = _namespace(context)
     urdf = PathJoinSubstitution([FindPackageShare("flexarm_bringup"), "urdf", "flexarm.urdf"])
@@ -169,6 +171,14 @@ def _word(context: LaunchContext, name: str, value: object) -> str:
 def _is_wanted(context: LaunchContext, name: str) -> bool:
     """Return whether an argument that is true or false is true."""
     return LaunchConfiguration(name).perform(context).lower() == "true"
+
+
+def _is_composed(context: LaunchContext, files: list[str]) -> bool:
+    """Return whether law and drive share a process, as `flexarm up` has it."""
+    if LaunchConfiguration("compose").perform(context):
+        return _is_wanted(context, "compose")
+    rig = LaunchConfiguration("rig").perform(context)
+    return is_simulated(rig, [Path(each) for each in files], f"{_namespace(context)}/daq")
 
 
 def _namespace(context: LaunchContext) -> str:

@@ -66,6 +66,8 @@ OUTPUT_QUANTITIES: Final = (
 )
 TRAVEL_ACTIONS: Final = ("inward", "hold")
 """At the end of the travel: only commands that lead back pass, or the drive is held at zero."""
+SIMULATIONS: Final = ("simulated", "twin", "mujoco")
+"""Drivers without a board."""
 SHORT_NAMES: Final[Mapping[str, str]] = {"simulated": "thesis", "nidaq": "thesis-nidaq"}
 """Packaged descriptions that go by the name of their driver too."""
 _RATES_HZ = 1.0, 10_000.0

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_core.bounds import YamlError, read_text_bytes, yaml_content
 from flexarm_core.errors import FlexarmError, reason
+from flexarm_core.rig_description import SIMULATIONS, load_rig
 from flexarm_node.command_line import are_for_ros
 
 if TYPE_CHECKING:
@@ -74,13 +75,56 @@ def unreadable(file: Path) -> str:
     )
 
 
-def sections(file: Path) -> list[str]:
-    """Return the names of nodes, or patterns of names, in a file; none if it cannot be read."""
+def sections(file: Path) -> list[tuple[str, Any]]:
+    """Return names of nodes, or patterns of names, in a file, and what each section holds.
+
+    A file that cannot be read has none.
+    """
     try:
         content = yaml_content(read_text_bytes(file).decode("utf-8"))
     except (OSError, UnicodeDecodeError, FlexarmError):
         return []
     return list(_named(content, "")) if isinstance(content, dict) else []
+
+
+def parameter(files: Sequence[Path], node: str, name: str) -> object:
+    """Return a parameter of a node as the last of the files with it has it; None without one.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Parameter files, in the order in which the node reads them.
+    node : str
+        Full name of the node.
+    name : str
+        Name of the parameter.
+    """
+    values = [
+        held[name]
+        for file in files
+        for section, held in sections(file)
+        if is_for(section, node) and isinstance(held, dict) and name in held
+    ]
+    return values[-1] if values else None
+
+
+def is_simulated(rig: str, files: Sequence[Path], node: str) -> bool:
+    """Return whether a DAQ node samples a simulation; a rig that cannot be read is none.
+
+    Parameters
+    ----------
+    rig : str
+        Rig that the node is given; empty where the files, or its own default, say it.
+    files : sequence of Path
+        Parameter files of the node.
+    node : str
+        Its full name.
+    """
+    try:
+        described = load_rig(rig or str(parameter(files, node, "rig") or "simulated"))
+    except FlexarmError:
+        return False
+    return described.driver in SIMULATIONS
 
 
 def is_for(section: str, node: str) -> bool:
@@ -91,7 +135,7 @@ def is_for(section: str, node: str) -> bool:
 
 def unknown_nodes(file: Path, known: Collection[str]) -> list[str]:
     """Return the sections of a file that are for none of the known nodes."""
-    return [name for name in sections(file) if not any(is_for(name, node) for node in known)]
+    return [name for name, _ in sections(file) if not any(is_for(name, node) for node in known)]
 
 
 def complaint(files: Sequence[Path], node: str) -> str:
@@ -107,7 +151,7 @@ def complaint(files: Sequence[Path], node: str) -> str:
     own = node.rpartition("/")[2]
     for file in files:
         # A section for everybody names nobody.
-        names = [name for name in sections(file) if "*" not in _last(name)]
+        names = [name for name, _ in sections(file) if "*" not in _last(name)]
         if any(is_for(name, node) for name in names):
             continue
         for name in names:
@@ -131,10 +175,10 @@ def _last(name: str) -> str:
     return name.rpartition("/")[2]
 
 
-def _named(content: Mapping[str, Any], namespace: str) -> Iterator[str]:
+def _named(content: Mapping[str, Any], namespace: str) -> Iterator[tuple[str, Any]]:
     for key, below in content.items():
         name = f"{namespace}/{str(key).strip('/')}"
         if isinstance(below, dict) and _PARAMETERS in below:
-            yield name
+            yield name, below[_PARAMETERS]
         elif isinstance(below, dict):
             yield from _named(below, name)

@@ -37,7 +37,7 @@ def test_arguments___are_described() -> None:
 def test_namespace___given_or_pushed___is_that_of_every_node(
     given: dict[str, str], namespace: str, tmp_path: Path
 ) -> None:
-    nodes, context = launched(given)
+    nodes, context = launched(given | {"compose": "false"})
 
     lines = [node.command_line(context, tmp_path) for node in nodes]
 
@@ -70,6 +70,7 @@ def test_viewers___get_the_description_of_the_arm(tmp_path: Path) -> None:
 
 def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path: Path) -> None:
     given = {"rate_hz": "500", "law": "pd", "bag": "2026", "params_file": "mine.yaml"}
+    given["compose"] = "false"
     nodes, context = launched(given | {"namespace": "arm2"})
 
     read: dict[str, object] = {}
@@ -87,7 +88,7 @@ def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path
 
 
 def test_real_time___is_a_parameter_of_the_daq_node(tmp_path: Path) -> None:
-    nodes, context = launched({"real_time": "true"})
+    nodes, context = launched({"real_time": "true", "compose": "false"})
     (daq,) = [each for each in nodes if each.name == "daq"]
     *_, file = files_of(daq.command_line(context, tmp_path))
     values = yaml.safe_load((tmp_path / file).read_text())["/flexarm/daq"]["ros__parameters"]
@@ -106,6 +107,29 @@ def test_compose___starts_both_nodes_of_the_loop_in_one_process(tmp_path: Path) 
     assert "/arm2/loop" in after
     assert files_of(line) == [OWN, "mine.yaml"]
     assert {node.name for node in nodes} == {"recorder", "ident", None}
+
+
+@pytest.mark.parametrize(
+    ("rig", "in_file", "is_one"),
+    [
+        ("", None, True),
+        ("simulated", None, True),
+        ("mujoco-thesis", None, True),
+        ("nidaq", None, False),
+        ("", "nidaq", False),
+        ("simulated", "nidaq", True),
+        ("nowhere.yaml", None, False),
+    ],
+)
+def test_loop___of_a_simulated_arm___is_one_process_that_of_a_board_two(
+    rig: str, in_file: str | None, is_one: bool, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.yaml"
+    section = {"rate_hz": 300.0} | ({"rig": in_file} if in_file else {})
+    file.write_text(yaml.safe_dump({"/**/daq": {"ros__parameters": section}}))
+    nodes, _ = launched({"rig": rig, "params_file": str(file)})
+    loop = {None} if is_one else {"controller", "daq"}
+    assert {node.name for node in nodes} == {"recorder", "ident"} | loop
 
 
 def test_clock___that_is_named___takes_the_place_of_the_usual_one(tmp_path: Path) -> None:

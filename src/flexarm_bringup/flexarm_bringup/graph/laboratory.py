@@ -17,7 +17,12 @@ from flexarm_bringup.graph.processes import (
 )
 from flexarm_bringup.graph.session import OPERATOR, interruptible, ros_domain, session
 from flexarm_core.own_files import claimed, private_folder
-from flexarm_node.parameter_files import NODE_NAMES, unknown_nodes, unreadable
+from flexarm_node.parameter_files import (
+    NODE_NAMES,
+    is_simulated,
+    unknown_nodes,
+    unreadable,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -60,7 +65,7 @@ def running_graph(
     idle: Sequence[str] = (),
     files: tuple[Path, ...] = (),
     namespace: str = NAMESPACE,
-    compose: bool = False,
+    compose: bool | None = None,
 ) -> Iterator[tuple[Operator, NodeProcesses]]:
     """Start nodes in this order, configure the managed ones, and stop all of them at the end.
 
@@ -78,8 +83,9 @@ def running_graph(
         Parameter files for all of them; a node takes its own section.
     namespace : str
         Namespace of the arm.
-    compose : bool
-        Run the nodes daq and controller in one process.
+    compose : bool, optional
+        Run the nodes daq and controller in one process, or in two. By default those of a simulation
+        share one; a crash in a law must not take along what writes a board's zero.
 
     Raises
     ------
@@ -93,6 +99,10 @@ def running_graph(
             raise LaunchError(wrong)
         for name in unknown_nodes(file, known):
             terminal.CONSOLE.print(f"note: {file} is also for {name}, no node here")
+    if compose is None:
+        rig = str(parameters.get("daq", {}).get("rig", ""))
+        has_both = set(_LOOP) <= set(nodes)
+        compose = has_both and is_simulated(rig, files, f"{namespace.rstrip('/')}/daq")
     alone = [name for name in nodes if not (compose and name in _LOOP)]
     programs = [
         NodeProgram(*_NODES[name], parameters.get(name, {}), files, namespace) for name in alone

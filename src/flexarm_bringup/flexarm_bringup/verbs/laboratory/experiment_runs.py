@@ -13,7 +13,6 @@ from flexarm_bags.metadata import BAG_FILES
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
 from flexarm_core.errors import reason
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_bringup.graph.operator import Operator
+    from flexarm_bringup.runs.pace import Pace
     from flexarm_bringup.runs.recorded_run import RecordedRun
     from flexarm_daq.experiments.catalogue import Experiment
 
@@ -89,7 +89,6 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
             nodes=_NODES,
             files=settings.parameter_files,
             namespace=settings.namespace,
-            compose=settings.pace is Pace.FAST,
         ) as (operator, _),
     ):
         for number, entry in enumerate(entries, start=1):

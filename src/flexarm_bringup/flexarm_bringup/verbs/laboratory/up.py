@@ -79,7 +79,7 @@ class _Settings:
     namespace: str
     page: PageSettings | None
     foxglove_port: int | None
-    compose: bool
+    compose: bool | None
 
     @property
     def is_thesis(self) -> bool:
@@ -125,7 +125,11 @@ class _Settings:
     "--law",
     help=f"Law: {', '.join(LAWS)}; pdpc for the thesis's arm, pd for another rig.",
 )
-@click.option("--compose", is_flag=True, help="Run daq and controller in one process: 1 to 2 kHz.")
+@click.option(
+    "--compose/--separate",
+    default=None,
+    help="Run daq and controller in one process or in two; one for a simulated arm, else two.",
+)
 @REAL_TIME
 @PARAMETER_FILES
 @ARM
@@ -160,10 +164,11 @@ def up(
     The simulated arm's time follows the wall clock and waits for a machine that is late. A board
     runs in real time.
 
-    A controller that ends leaves the arm to itself, with the drive at zero: another one may be
-    started in its place. With --compose it shares a process with the DAQ node and ends with it; a
-    deactivated one leaves its place as well. The arm goes on without any other node that ends, and
-    the exit code is 1 then. The end of the DAQ node is that of all.
+    A simulated arm shares its process with the controller, which holds more samples on a busy
+    machine. A board does not: a controller that ends leaves the arm to itself, with the drive at
+    zero, and another one may be started in its place. A deactivated controller leaves its place in
+    one process as well. The arm goes on without any other node that ends, and the exit code is 1
+    then. The end of the DAQ node is that of all.
     """
     if twin is not None:
         rig = str(twin_rig(twin))

@@ -106,7 +106,6 @@ def node_run(settings: RunSettings) -> Iterator[SimulatedRun]:
             out / "nodes.log",
             nodes=nodes,
             namespace=settings.namespace,
-            compose=settings.pace is Pace.FAST,
         ) as (operator, processes):
             if settings.live:
                 page = PageAddress(settings.namespace, processes)
