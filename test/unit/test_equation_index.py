@@ -132,3 +132,9 @@ def test_sources___name___only_equations_that_exist() -> None:
         if (missing := _cited(path.read_text(encoding="utf-8")) - set(EQUATIONS))
     }
     assert not unknown
+
+
+def test_block_diagrams___name_what_runs_them() -> None:
+    names = _NAME.findall((ROOT / "docs/block_diagrams.md").read_text("utf-8"))
+    assert len(names) >= 6
+    assert all(callable(_found(name)[1]) for name in names)

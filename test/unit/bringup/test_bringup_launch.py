@@ -122,7 +122,7 @@ def test_compose___starts_both_nodes_of_the_loop_in_one_process(tmp_path: Path) 
     ],
 )
 def test_loop___of_a_simulated_arm___is_one_process_that_of_a_board_two(
-    rig: str, in_file: str | None, is_one: bool, tmp_path: Path
+    *, rig: str, in_file: str | None, is_one: bool, tmp_path: Path
 ) -> None:
     file = tmp_path / "mine.yaml"
     section = {"rate_hz": 300.0} | ({"rig": in_file} if in_file else {})
