@@ -32,9 +32,9 @@ from flexarm_control.laws.ilqr import (
 from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
 from flexarm_control.laws.payload import NO_ESTIMATE, PayloadDetection, PayloadEstimator
 from flexarm_control.laws.pdpc_plus import CalmRest
+from flexarm_control.laws.strain_limit import StrainLimiter
 from flexarm_control.models.arm_model import check_arm_model, check_no_feedthrough, delayed
 from flexarm_control.models.nominal_models import nominal_payloads_kg, rig_model
-from flexarm_control.predicting.strain_limit import StrainLimiter
 from flexarm_core.specs import setting
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from flexarm_control.laws.law_protocol import Memory
     from flexarm_control.laws.payload import PayloadEstimate, PayloadSensing
     from flexarm_control.laws.pdpc_plus import RestThresholds
-    from flexarm_control.predicting.strain_limit import StrainLimit
+    from flexarm_control.laws.strain_limit import StrainLimit
 
 # Share of the input's variance that drives every state, so that no state is without a gain.
 _STATE_SHARE = 1e-6

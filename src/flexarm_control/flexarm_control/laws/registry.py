@@ -25,6 +25,7 @@ from flexarm_control.laws.lqg import (
     design_lqg,
     packaged_designs,
 )
+from flexarm_control.laws.own_laws import FILES, own_laws
 from flexarm_control.laws.payload import PayloadDetection, PayloadEstimate, PayloadSensing
 from flexarm_control.laws.pdpc import Pd, Pdp, Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest, RestThresholds
@@ -32,13 +33,12 @@ from flexarm_control.laws.pdpc_scheduled import ScheduledPdpc, ScheduleGains
 from flexarm_control.laws.pi import Pi
 from flexarm_control.laws.planned import Planned
 from flexarm_control.laws.regulator_loop import stabilising_design
+from flexarm_control.laws.strain_limit import StrainLimit
 from flexarm_control.models.nominal_models import identified_model
-from flexarm_control.own.own_laws import FILES, own_laws
 from flexarm_control.planning.fitted_arm import fitted_arm
 from flexarm_control.planning.flat_arm import ArmFigures
 from flexarm_control.planning.friction_observer import FrictionSensing
 from flexarm_control.planning.move import MoveSettings
-from flexarm_control.predicting.strain_limit import StrainLimit
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import (
     Bounded,

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from collections import deque
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from flexarm_bags.writer import RecordingError
 from flexarm_core.labels import counted
-from flexarm_daq.nodes.kept_messages import KeptMessages
-from flexarm_daq.nodes.send_times import SendTimes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from flexarm_bags.writer import BagWriter
     from flexarm_daq.nodes.last_messages import LastMessages
+
+
+_NS = 1_000_000_000
+# A recorder that is behind has no quick message meanwhile: those of the seconds before tell.
+_RECENT_S = 30
+# What seems longer on the way than this comes from a clock that was set back.
+_LONGEST_WAY_NS = 5 * _NS
 
 
 class Message(Protocol):
@@ -31,6 +37,86 @@ class Message(Protocol):
     @property
     def source_ns(self) -> int:
         """Instant of publication, nanoseconds since the epoch."""
+
+
+class KeptMessages:
+    """Store of messages that were sent before a bag and belong into it.
+
+    The last message of a kept topic goes into a bag before the first message of any other topic,
+    unless a newer one has come by then. A message that is older than the bag gets the time of its
+    beginning.
+
+    Parameters
+    ----------
+    topics : iterable of str
+        Kept topics.
+    """
+
+    def __init__(self, topics: Iterable[str]) -> None:
+        self._topics = frozenset(topics)
+        self._last: dict[str, bytes] = {}
+        self._due: dict[str, bytes] = {}
+        self._begun_ns = 0
+
+    def open(self, now_ns: int) -> None:
+        """Begin a bag at an instant, nanoseconds since the epoch."""
+        self._begun_ns = now_ns
+        self._due = dict(self._last)
+
+    def due(self, topic: str, raw: bytes, time_ns: int) -> Iterator[tuple[str, bytes, int]]:
+        """Take the next message with its time of sending, and yield the messages to be written."""
+        if topic in self._topics:
+            self._last[topic] = raw
+            self._due.pop(topic, None)
+            yield topic, raw, max(time_ns, self._begun_ns)
+            return
+        for kept, kept_raw in self._due.items():
+            yield kept, kept_raw, self._begun_ns
+        self._due.clear()
+        yield topic, raw, time_ns
+
+
+class _Quickest(NamedTuple):
+    """Difference of the quickest message of one second of the steady clock."""
+
+    second: int
+    difference_ns: int
+
+
+class SendTimes:
+    """Difference between a sender's clock and the steady clock here, by its messages.
+
+    A message comes later than it was sent, never earlier: the largest difference is that of the
+    quickest message.
+    """
+
+    def __init__(self) -> None:
+        self._quickest: deque[_Quickest] = deque()
+        self._difference_ns = 0
+
+    def add(self, sent_ns: int, received_ns: int) -> None:
+        """Take the instants of a message: of sending there, of receiving on the steady clock."""
+        second, difference_ns = received_ns // _NS, sent_ns - received_ns
+        if difference_ns < self._difference_ns - _LONGEST_WAY_NS:
+            self._quickest.clear()
+        if not self._quickest or self._quickest[-1].second != second:
+            self._quickest.append(_Quickest(second, difference_ns))
+        elif difference_ns > self._quickest[-1].difference_ns:
+            self._quickest[-1] = _Quickest(second, difference_ns)
+        else:
+            return
+        while self._quickest[0].second < second - _RECENT_S:
+            self._quickest.popleft()
+        self._difference_ns = max(each.difference_ns for each in self._quickest)
+
+    def was_sent_before(self, sent_ns: int, now_ns: int) -> bool:
+        """Return whether a message was sent before an instant of the steady clock.
+
+        The first message of a sender counts as sent before.
+        """
+        if not self._quickest:
+            return True
+        return sent_ns <= now_ns + self._difference_ns
 
 
 class Recording:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_core.errors import FlexarmError, one_line
 from flexarm_live.serving.access import Role
-from flexarm_live.serving.hold import Hold
 from flexarm_live.serving.laboratory import Answer
 from flexarm_live.serving.limits import MOST_AT_WORK
 from flexarm_live.serving.requests import Needs, RequestError, parse
@@ -21,6 +20,38 @@ if TYPE_CHECKING:
 _LOGGER = logging.getLogger("flexarm_live")
 VERSION = 1
 """Version of what is said between server and page."""
+
+
+class Hold:
+    """Hand on the set-point.
+
+    Attributes
+    ----------
+    holder : str
+        Name of the client that has it; empty when nobody has.
+    """
+
+    def __init__(self) -> None:
+        self.holder = ""
+
+    def take(self, client: str) -> None:
+        """Give it to a client, which may have it already.
+
+        Raises
+        ------
+        RequestError
+            When another one has it.
+        """
+        if self.holder and self.holder != client:
+            raise RequestError(f"{self.holder} has the hand on the set-point: it has to let go")
+        self.holder = client
+
+    def let_go(self, client: str) -> bool:
+        """Take it from a client; return whether the client had it."""
+        had = self.holder == client
+        if had:
+            self.holder = ""
+        return had
 
 
 class Desk:

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from flexarm_daq.loop import kernel_timer
-from flexarm_daq.loop.kernel_timer import KernelTimer
+from flexarm_daq.loop import deadman
+from flexarm_daq.loop.deadman import KernelTimer
 
 PATIENCE_S = 60.0
 
@@ -42,6 +42,6 @@ def test_set___once_more___takes_the_place_of_the_former_time() -> None:
 
 
 def test_kernel_without_timers___is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernel_timer, "_TFD_CLOEXEC", -1)
+    monkeypatch.setattr(deadman, "_TFD_CLOEXEC", -1)
     with pytest.raises(OSError, match="Invalid argument"):
         KernelTimer()

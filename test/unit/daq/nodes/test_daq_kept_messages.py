@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from flexarm_daq.nodes.kept_messages import KeptMessages
+from flexarm_daq.nodes.recording import KeptMessages
 
 
 def written(

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from flexarm_daq.nodes.send_times import SendTimes
+from flexarm_daq.nodes.recording import SendTimes
 
 MS = 1_000_000
 HOUR = 3_600_000 * MS

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from flexarm_control.laws.own_laws import FILES, own_laws
 from flexarm_control.laws.registry import LAWS, LawSpec
-from flexarm_control.own.own_laws import FILES, own_laws
 from flexarm_core.errors import SettingError
 from support.project import PROJECT
 

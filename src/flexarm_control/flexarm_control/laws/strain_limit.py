@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_control.laws.soft_bound import least_correction
 from flexarm_control.models.arm_model import BASE_STRAIN
-from flexarm_control.predicting.soft_bound import least_correction
 from flexarm_core.specs import Bounded, setting
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ import pytest
 
 from flexarm_control import build_law
 from flexarm_control.laws.lqg import design_lqg
+from flexarm_control.laws.strain_limit import StrainLimiter, predictions
 from flexarm_control.models.arm_model import BASE_STRAIN
 from flexarm_control.models.nominal_models import rig_model
-from flexarm_control.predicting.strain_limit import StrainLimiter, predictions
 from flexarm_control.simulation import simulate
 from flexarm_daq import RigParameters, SimulatedRig
 
