@@ -18,10 +18,7 @@ _RIG: Final = load_rig("thesis")
 (_DRIVE,), (_HUB,) = _RIG.inputs, _RIG.joints
 
 BOUND_V: Final = 3.0
-"""Bound of the position in open-loop experiments (section 2.4.2)."""
-
-BOUND_DEG: Final = 35.0
-"""The same bound as an angle."""
+"""Bound of the position in open-loop experiments (section 2.4.2), 35 degrees."""
 
 MAX_COMMAND_V: Final = _DRIVE.high
 """Largest magnitude of the command (Figure 2-2): 5 A."""

@@ -14,8 +14,6 @@ from operator import attrgetter
 from struct import Struct, calcsize
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
@@ -158,28 +156,6 @@ class Layout:
             else:
                 found.extend(value)
         return self._values._make(found)
-
-
-def end_of(message_type: type) -> np.dtype[np.void]:
-    """Return the numbers behind the last text of a message type, with which its bytes end.
-
-    Where the texts before them may have any length, these have fixed places from the end on, as
-    long as each is of the size of the largest.
-
-    Raises
-    ------
-    TypeError
-        When they are of different sizes, and so their places depend on the texts.
-    """
-    members = list(_members(message_type))
-    texts = [place for place, (_, kind) in enumerate(members) if kind == _TEXT]
-    numbers = members[1 + max(texts, default=-1) :]
-    if any(kind not in _CODES for _, kind in numbers):
-        raise TypeError(f"{message_type.__name__}: its arrays have no fixed places")
-    end = np.dtype([(name.replace(".", "_"), f"<{_CODES[kind]}") for name, kind in numbers])
-    if len({end[name].itemsize for name in end.names or ()}) != 1:
-        raise TypeError(f"{message_type.__name__}: its last numbers have no fixed places")
-    return end
 
 
 def _members(message_type: Any, prefix: str = "") -> Iterator[tuple[str, str]]:  # noqa: ANN401

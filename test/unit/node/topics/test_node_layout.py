@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from typing import Any, TypeAlias
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,9 +15,8 @@ from flexarm_msgs.msg import (
     CommanderInfo,
     IoSample,
     MotorCommand,
-    PayloadEstimate,
 )
-from flexarm_node.topics.layout import Layout, end_of
+from flexarm_node.topics.layout import Layout
 from support.project import PROJECT
 
 Message: TypeAlias = Any
@@ -169,23 +167,3 @@ def test_member_without_a_fixed_size___is_refused() -> None:
         TypeError, match=r"^ChannelInfo\.input_names: sequence<string> has no fixed"
     ):
         layout(ChannelInfo)
-
-
-def test_end___of_a_message_with_arrays___is_refused() -> None:
-    with pytest.raises(TypeError, match="IoSample: its arrays have no fixed places"):
-        end_of(IoSample)
-
-
-@pytest.mark.parametrize("frame", ["", "x", "flexarm/base_link", "an arm of a longer name"])
-def test_end___of_a_message_with_any_text___has_its_last_numbers(frame: str) -> None:
-    message = ArmState(sequence=2**40, position_v=1.5, speed_v=-2.5, command_sequence=7)
-    message.header.frame_id = frame
-    end = end_of(ArmState)
-    found = np.frombuffer(serialize_message(message)[-end.itemsize :], end)[0]
-    assert (found["sequence"], found["command_sequence"]) == (2**40, 7)
-    assert (found["position_v"], found["speed_v"]) == (1.5, -2.5)
-
-
-def test_end___of_numbers_of_different_sizes___is_refused() -> None:
-    with pytest.raises(TypeError, match="PayloadEstimate: its last numbers have no fixed places"):
-        end_of(PayloadEstimate)
