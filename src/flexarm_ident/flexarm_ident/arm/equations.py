@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 _COMPLEX_STEP = 1e-30
 
 
-class Rung(Flag):
-    """What the friction level depends on beside the direction of motion: the rungs of a ladder.
+class FrictionModel(Flag):
+    """What the friction level depends on beside the direction of motion.
 
     Viscous friction is in the damping of every arm.
     """
@@ -65,14 +65,14 @@ class FlexibleArm:
         1.0 where a positive input accelerates its position, -1.0 where it slows it down.
     outputs : int
         Number of all outputs.
-    rung : Rung
+    friction_model : FrictionModel
         What the friction depends on.
     """
 
     positions: tuple[int, ...]
     signs: tuple[float, ...]
     outputs: int
-    rung: Rung = Rung.COULOMB
+    friction_model: FrictionModel = FrictionModel.COULOMB
 
     law = ("log_level", "log_rise", "log_speed", "log_load")
     """Parameters whose exponentials are the columns of `laws`."""
@@ -117,9 +117,9 @@ class FlexibleArm:
             "log_ratio": e,
             "log_level": r,
             "offset": r,
-            "log_rise": r if Rung.STRIBECK in self.rung else 0,
-            "log_speed": r if Rung.STRIBECK in self.rung else 0,
-            "log_load": r if Rung.LOAD in self.rung else 0,
+            "log_rise": r if FrictionModel.STRIBECK in self.friction_model else 0,
+            "log_speed": r if FrictionModel.STRIBECK in self.friction_model else 0,
+            "log_load": r if FrictionModel.LOAD in self.friction_model else 0,
         }
         ends = np.cumsum(list(sizes.values()))
         return {

@@ -14,10 +14,10 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.arm.descent import LAST_STEPS, descend
-from flexarm_ident.arm.equations import Rung
+from flexarm_ident.arm.equations import FrictionModel
 from flexarm_ident.arm.fitted_records import COST_OF_ZERO_ERROR, simulation_error
 from flexarm_ident.arm.free_hub import without_stiffness
-from flexarm_ident.arm.ladder import climb
+from flexarm_ident.arm.friction_choice import choose_friction
 from flexarm_ident.arm.level_profile import profile_levels
 from flexarm_ident.arm.random_starts import RandomStarts
 from flexarm_ident.arm.simulation_error import SimulationError, deviations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.arm.free_hub import Freed
-    from flexarm_ident.arm.ladder import Climb
+    from flexarm_ident.arm.friction_choice import FrictionChoice
     from flexarm_ident.arm.level_profile import LevelProfile
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.friction.layout import Drive
@@ -80,9 +80,9 @@ class ArmFit:
         level and rise together, with which the records are simulated equally well.
     free_hubs : tuple of int
         Inputs whose driven position has no stiffness.
-    rung : Rung
+    friction_model : FrictionModel
         What the friction depends on.
-    left_out : dict of Rung to tuple of float
+    left_out : dict of FrictionModel to tuple of float
         Relative errors of the halves that were left out of a fit, by what the friction depends on.
     """
 
@@ -94,8 +94,8 @@ class ArmFit:
     bandwidth_hz: float
     law_ranges: FloatArray
     free_hubs: tuple[int, ...]
-    rung: Rung
-    left_out: dict[Rung, tuple[float, ...]]
+    friction_model: FrictionModel
+    left_out: dict[FrictionModel, tuple[float, ...]]
 
     @property
     def has_friction(self) -> bool:
@@ -105,7 +105,9 @@ class ArmFit:
         out, but trades with the level, whose own deviation is then large.
         """
         levels, deviations = self.friction.levels, self.friction.level_deviations
-        return self.rung != Rung.COULOMB or bool(np.any(levels > _STANDS_OUT * deviations))
+        return self.friction_model != FrictionModel.COULOMB or bool(
+            np.any(levels > _STANDS_OUT * deviations)
+        )
 
 
 @one_thread()
@@ -160,9 +162,9 @@ def fit_arm(
         if _is_confirmed(finalists):
             break
     problem, best = _loosened(problem, best)
-    reached = climb(problem, (best, *finalists))
+    reached = choose_friction(problem, (best, *finalists))
     problem, (best, *others) = reached.whole
-    if reached.rung:
+    if reached.friction_model:
         best = _descended(problem, best.theta)
     freed = without_stiffness(problem, profile_levels(problem, best, others))
     report("friction", 1.0)
@@ -227,7 +229,7 @@ def _descended(problem: SimulationError, theta: FloatArray) -> Minimum:
 
 
 def _result(
-    reached: Climb,
+    reached: FrictionChoice,
     freed: Freed,
     records: Sequence[IoData],
     lives: Sequence[FloatArray],
@@ -261,7 +263,7 @@ def _result(
     ranges = np.stack([profile.lowest, profile.highest], axis=-1)
     return ArmFit(
         *(model, x0, friction, error, dead, band_hz, ranges, free_hubs),
-        *(reached.rung, reached.left_out),
+        *(reached.friction_model, reached.left_out),
     )
 
 
@@ -278,7 +280,7 @@ def _friction(problem: SimulationError, profile: LevelProfile, speed: FloatArray
             scatter[:, column] = np.maximum(scatter[:, column], by_curvature)
     levels, rises, rise_speeds, loads = laws.T
     dependence = None
-    if arm.rung:
+    if arm.friction_model:
         dependence = Dependence(rises, rise_speeds, loads, scatter[:, 1], scatter[:, 3])
     offsets, offset_deviations = arm.offsets(theta), deviation[arm.blocks["offset"]]
     return DryFriction(levels, offsets, scatter[:, 0], offset_deviations, speed, dependence)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import label_and_unit, with_deviation
-from flexarm_ident.arm.equations import Rung
+from flexarm_ident.arm.equations import FrictionModel
 from flexarm_ident.fitting.validation import mean_error
 
 if TYPE_CHECKING:
@@ -26,11 +26,11 @@ _INTEGRATOR = 1e-9
 _SWEEPS = "record slow reversals and fast sweeps in one experiment"
 _REVERSALS = "record many slow reversals, with rests between them"
 _LOADS = "record strong accelerations beside gentle ones"
-_RUNGS = {
-    Rung.COULOMB: "Coulomb and viscous",
-    Rung.STRIBECK: "higher at standstill",
-    Rung.LOAD: "higher under load",
-    Rung.STRIBECK | Rung.LOAD: "higher at standstill and under load",
+_MODELS = {
+    FrictionModel.COULOMB: "Coulomb and viscous",
+    FrictionModel.STRIBECK: "higher at standstill",
+    FrictionModel.LOAD: "higher under load",
+    FrictionModel.STRIBECK | FrictionModel.LOAD: "higher at standstill and under load",
 }
 
 
@@ -50,16 +50,18 @@ def choice(fit: ArmFit, start_error: FloatArray, linear: str) -> str:
     return (
         f"an arm with dry friction, order {fit.model.nstates}, took the place of the linear model: "
         f"{mean_error(fit.error):.3g} in free simulation instead of {mean_error(start_error):.3g}; "
-        f"{_ladder(fit)}; of the linear ones, {linear}"
+        f"{_friction(fit)}; of the linear ones, {linear}"
     )
 
 
-def _ladder(fit: ArmFit) -> str:
+def _friction(fit: ArmFit) -> str:
     """Return what the friction depends on, and the errors on halves left out that say so."""
     errors = ", ".join(
-        f"{np.linalg.norm(halves):.3g} {_RUNGS[each]}" for each, halves in fit.left_out.items()
+        f"{np.linalg.norm(halves):.3g} {_MODELS[each]}" for each, halves in fit.left_out.items()
     )
-    return f"its friction is {_RUNGS[fit.rung]}, by halves left out of the fit ({errors})"
+    return (
+        f"its friction is {_MODELS[fit.friction_model]}, by halves left out of the fit ({errors})"
+    )
 
 
 def notes(fit: ArmFit) -> tuple[str, ...]:

@@ -18,13 +18,13 @@ import scipy
 
 from flexarm_ident.diagnostics.check import Check, each_record
 from flexarm_ident.diagnostics.drive import moves_seldom
-from flexarm_ident.diagnostics.news import (
+from flexarm_ident.diagnostics.innovations import (
     MEMORY,
-    SMALLEST_NEWS,
-    News,
+    SMALLEST_INNOVATION,
+    Innovations,
     centred,
+    innovations_of,
     longest,
-    news_of,
     remainder,
     shifted,
 )
@@ -88,13 +88,13 @@ def answer_defects(record: IoData) -> Iterator[DataWarning]:
         )
     part = record.rows(longest(record))
     tame = replace(part, y=_without_extremes(part.y_measured))
-    news = news_of(tame)
-    if news is None:
+    innovations = innovations_of(tame)
+    if innovations is None:
         return
     # A few answers are lost among the noise of the rest of the record.
     if not moves_seldom(record):
-        yield from _unanswered(tame, news, static)
-    yield from _delays(tame, news)
+        yield from _unanswered(tame, innovations, static)
+    yield from _delays(tame, innovations)
 
 
 def static_outputs(record: IoData) -> dict[str, float]:
@@ -124,15 +124,15 @@ def _left(known: FloatArray, signals: FloatArray) -> FloatArray:
     return np.asarray(np.divide(left, power, out=np.ones_like(power), where=power > 0.0))
 
 
-def _delays(record: IoData, news: News) -> Iterator[DataWarning]:
+def _delays(record: IoData, innovations: Innovations) -> Iterator[DataWarning]:
     """Yield the inputs whose first effect on any output comes late."""
-    covariance = news.outputs.T @ news.outputs / len(news.outputs)
-    white = news.outputs @ whitening(covariance)
+    covariance = innovations.outputs.T @ innovations.outputs / len(innovations.outputs)
+    white = innovations.outputs @ whitening(covariance)
     degrees = white.shape[1]
     if degrees == 0:
         return
-    for name, u, fresh in zip(record.inputs, record.u.T, news.inputs.T, strict=True):
-        if fresh.std() <= SMALLEST_NEWS * u.std():
+    for name, u, fresh in zip(record.inputs, record.u.T, innovations.inputs.T, strict=True):
+        if fresh.std() <= SMALLEST_INNOVATION * u.std():
             continue
         share, evidence = _correlation(white, fresh)
         repeated = float(_correlation(fresh[:, np.newaxis] / fresh.std(), fresh).share.max())
@@ -157,17 +157,21 @@ def _delays(record: IoData, news: News) -> Iterator[DataWarning]:
         )
 
 
-def _unanswered(record: IoData, news: News, static: dict[str, float]) -> Iterator[DataWarning]:
+def _unanswered(
+    record: IoData, innovations: Innovations, static: dict[str, float]
+) -> Iterator[DataWarning]:
     """Yield the outputs in which no input shows."""
-    if len(news.outputs) < _FEWEST:
+    if len(innovations.outputs) < _FEWEST:
         return
-    fresh = news.inputs[:, news.inputs.std(axis=0) > SMALLEST_NEWS * record.u.std(axis=0)]
+    fresh = innovations.inputs[
+        :, innovations.inputs.std(axis=0) > SMALLEST_INNOVATION * record.u.std(axis=0)
+    ]
     silent = [
         i
         for i, (name, y) in enumerate(zip(record.outputs, record.y.T, strict=True))
         if name not in static
         and constant_share(y) <= CONSTANT_SHARE
-        and not _is_correlated(news.outputs[:, i], fresh)
+        and not _is_correlated(innovations.outputs[:, i], fresh)
         and _slowly_told(record.u, y) < _SLOW_SHARE
     ]
     welch = spectra([record]) if silent else None

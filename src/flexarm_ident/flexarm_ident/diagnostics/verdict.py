@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.diagnostics.news import news_of
+from flexarm_ident.diagnostics.innovations import innovations_of
 from flexarm_ident.diagnostics.spectra import spectra
 
 if TYPE_CHECKING:
@@ -147,8 +147,8 @@ def verdict(
 def missed_shares(records: Sequence[IoData], simulated: Sequence[FloatArray]) -> FloatArray:
     """Return the share of the power of each output's error that is coherent with the inputs.
 
-    Of a closed loop the inputs' news stand for them: the inputs themselves hold the outputs' noise,
-    and all of an error would seem to follow them.
+    Of a closed loop the inputs' innovations stand for them: the inputs themselves hold the outputs'
+    noise, and all of an error would seem to follow them.
 
     Parameters
     ----------
@@ -178,12 +178,12 @@ def _causes(record: IoData, y: FloatArray) -> tuple[IoData, FloatArray] | None:
     error[~np.isfinite(error)] = np.nan
     if not record.closed_loop:
         return record.head(len(error)), error
-    news = news_of(record)
-    if news is None:
+    innovations = innovations_of(record)
+    if innovations is None:
         return None
-    rows = slice(news.rows.start, min(news.rows.stop, len(error)))
+    rows = slice(innovations.rows.start, min(innovations.rows.stop, len(error)))
     part = record.rows(rows)
-    return replace(part, u=news.inputs[: len(part)], compensation=None), error[rows]
+    return replace(part, u=innovations.inputs[: len(part)], compensation=None), error[rows]
 
 
 def _joined(errors: FloatArray, missed: FloatArray) -> float:

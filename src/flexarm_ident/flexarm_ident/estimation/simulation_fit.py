@@ -259,7 +259,7 @@ def likely(found: Identification, *, progress: Progress | None = None) -> Identi
     """
     if not is_stable(found.model.A):
         return None
-    at_once = not METHODS[found.method].bears_feedback
+    at_once = not METHODS[found.method].consistent_under_feedback
     better = _most_likely(found, order_open=True, at_once=at_once, progress=progress)
     if better is None:
         return None

@@ -129,7 +129,9 @@ def _others(row: Method) -> list[Method]:
     return [
         each
         for each in METHODS.values()
-        if each is not row and each.weighed and (each.bears_feedback or not row.bears_feedback)
+        if each is not row
+        and each.weighed
+        and (each.consistent_under_feedback or not row.consistent_under_feedback)
     ]
 
 
@@ -174,7 +176,7 @@ class Weighed:
     def first_stays(self) -> bool:
         """Whether the first choice is as good as the best of the others, or nearly so."""
         row = METHODS[self._first.selection.method]
-        tolerance = _TOLERANCE_IN_FEEDBACK if row.bears_feedback else _TOLERANCE
+        tolerance = _TOLERANCE_IN_FEEDBACK if row.consistent_under_feedback else _TOLERANCE
         smallest = self._best.expected_error if self._candidates else 0.0
         found = self._found_first
         error = found.expected_error if found else np.inf

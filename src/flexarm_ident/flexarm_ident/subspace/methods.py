@@ -61,8 +61,8 @@ class Method:
         Whether 'auto' weighs it.
     ways : tuple of Way
         Ways to move unstable eigenvalues, the best of which is taken.
-    bears_feedback : bool
-        Whether it is unbiased where inputs were computed from the outputs.
+    consistent_under_feedback : bool
+        Whether it is consistent where inputs were computed from the outputs.
     at_rest : bool
         Whether records start from rest; otherwise their initial states are fitted.
     """
@@ -75,7 +75,7 @@ class Method:
     noise_weighted: bool = True
     weighed: bool = True
     ways: tuple[Way, ...] = WAYS
-    bears_feedback: bool = False
+    consistent_under_feedback: bool = False
     at_rest: bool = False
 
     def shifts(self, block_rows: int) -> int:
@@ -106,7 +106,7 @@ _ROWS = (
         looks_back=True,
         title="PBSID-opt",
         help="closed loop, friction",
-        bears_feedback=True,
+        consistent_under_feedback=True,
     ),
     Method(
         name="orse_thesis",

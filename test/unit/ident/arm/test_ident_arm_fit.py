@@ -10,7 +10,7 @@ import pytest
 
 from flexarm_ident import IdentificationError
 from flexarm_ident.arm import fit as arm_fit
-from flexarm_ident.arm.equations import FlexibleArm, Rung
+from flexarm_ident.arm.equations import FlexibleArm, FrictionModel
 from flexarm_ident.arm.fit import fit_arm
 from flexarm_ident.arm.random_starts import RandomStarts
 from flexarm_ident.arm.simulation_error import Part, SimulationError
@@ -21,21 +21,30 @@ if TYPE_CHECKING:
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
 
 ONE, TWO = (0.5,), (0.5, 0.3)
-BOTH = Rung.STRIBECK | Rung.LOAD
-# What a rung adds to each joint: rise, speed over which it fades, load.
-NEW = {Rung.COULOMB: (), Rung.STRIBECK: (0.2, 0.3), Rung.LOAD: (0.1,), BOTH: (0.2, 0.3, 0.1)}
+BOTH = FrictionModel.STRIBECK | FrictionModel.LOAD
+# What a friction model adds to each joint: rise, speed over which it fades, load.
+NEW = {
+    FrictionModel.COULOMB: (),
+    FrictionModel.STRIBECK: (0.2, 0.3),
+    FrictionModel.LOAD: (0.1,),
+    BOTH: (0.2, 0.3, 0.1),
+}
 # Cut while a joint turns with 0.9 rad/s and more.
 MOVING = [(ONE, 0, 830, 3000), (TWO, 0, 660, 1500)]
 
 
-@pytest.mark.parametrize("rung", [Rung.COULOMB, Rung.STRIBECK, Rung.LOAD, BOTH])
-def test_simulation_error___records_in_motion___has_the_gradient_of_differences(rung: Rung) -> None:
+@pytest.mark.parametrize(
+    "friction_model", [FrictionModel.COULOMB, FrictionModel.STRIBECK, FrictionModel.LOAD, BOTH]
+)
+def test_simulation_error___records_in_motion___has_the_gradient_of_differences(
+    friction_model: FrictionModel,
+) -> None:
     records = [rubbing_arm(TWO, seed=seed, samples=300, skip=700) for seed in range(2)]
-    arm = FlexibleArm((0, 1), (1.0, 1.0), 4, rung)
-    new = np.repeat(NEW[rung], 2)
+    arm = FlexibleArm((0, 1), (1.0, 1.0), 4, friction_model)
+    new = np.repeat(NEW[friction_model], 2)
     parts = tuple(Part(each.u, np.abs(each.u), each.y, np.ones_like(each.y)) for each in records)
     problem = SimulationError(arm, parts, records[0].dt_s, np.ones(2))
-    coulomb = replace(problem, arm=replace(arm, rung=Rung.COULOMB))
+    coulomb = replace(problem, arm=replace(arm, friction_model=FrictionModel.COULOMB))
     theta = RandomStarts(coulomb, 5.0, np.random.default_rng(0)).start()
     theta = np.insert(theta, [coulomb.arm.parameters] * len(new), np.log(new))
     assert len(theta) == arm.parameters + 2 * arm.motions
@@ -84,7 +93,7 @@ def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
         for name, output in zip(record.inputs, record.outputs[:joints], strict=True)
     ]
     fit = fit_arm(record, drives)
-    assert fit.rung == Rung.COULOMB
+    assert fit.friction_model == FrictionModel.COULOMB
     assert fit.friction.levels == pytest.approx(levels, rel=0.05)
     # Most starts end in another valley, where a bend lacks a mode and errs by 0.06.
     assert np.all(fit.error < 0.05)
@@ -95,24 +104,24 @@ def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("rise", "load", "rung"),
-    [(0.5, 0.0, Rung.STRIBECK), (0.0, 0.15, Rung.LOAD), (0.5, 0.15, BOTH)],
+    ("rise", "load", "friction_model"),
+    [(0.5, 0.0, FrictionModel.STRIBECK), (0.0, 0.15, FrictionModel.LOAD), (0.5, 0.15, BOTH)],
 )
 def test_fit___friction_of_each_rung___is_told_by_halves_left_out(
-    rise: float, load: float, rung: Rung
+    rise: float, load: float, friction_model: FrictionModel
 ) -> None:
     record = rubbing_arm(ONE, rise=rise, load=load, seed=1)
     fit = fit_arm(record, [Drive("drive1_a", "joint1_rad")])
-    assert fit.rung == rung
-    assert np.all(np.array(fit.left_out[rung]) < fit.left_out[Rung.COULOMB])
+    assert fit.friction_model == friction_model
+    assert np.all(np.array(fit.left_out[friction_model]) < fit.left_out[FrictionModel.COULOMB])
     assert fit.friction.levels == pytest.approx(ONE, rel=0.15)
-    if rung & Rung.LOAD:
+    if friction_model & FrictionModel.LOAD:
         # One level more than the load trades with.
         assert fit.friction.laws[:, 3] == pytest.approx([load], rel=0.45)
         assert fit.friction.dependence is not None
         scatter = fit.friction.dependence.load_deviations
         assert np.abs(fit.friction.laws[:, 3] - load) <= scatter
-    if rung & Rung.STRIBECK:
+    if friction_model & FrictionModel.STRIBECK:
         # The speed of the rise trades with its height: what is certain is that there is one.
         assert np.all(fit.friction.laws[:, 1] > 0.3 * rise * ONE[0])
         assert np.all(fit.friction.laws[:, 1] < 1.5 * rise * ONE[0])

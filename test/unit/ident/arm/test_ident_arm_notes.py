@@ -8,7 +8,7 @@ import control
 import numpy as np
 import pytest
 
-from flexarm_ident.arm.equations import Rung
+from flexarm_ident.arm.equations import FrictionModel
 from flexarm_ident.arm.fit import ArmFit
 from flexarm_ident.arm.notes import notes
 from flexarm_ident.friction.dry_friction import DryFriction
@@ -31,7 +31,7 @@ def fit(*eigenvalues: float) -> ArmFit:
         bandwidth_hz=1.0,
         law_ranges=np.ones((1, 5, 2)),
         free_hubs=(),
-        rung=Rung.COULOMB,
+        friction_model=FrictionModel.COULOMB,
         left_out={},
     )
 

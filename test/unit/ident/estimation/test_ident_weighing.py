@@ -194,7 +194,7 @@ def test_auto___outputs_in_other_units___chooses_the_same() -> None:
     assert (other.method, other.order) == (auto.method, auto.order)
 
 
-def test_auto___declared_closed_loop___weighs_what_bears_feedback() -> None:
+def test_auto___declared_closed_loop___weighs_what_consistent_under_feedback() -> None:
     data = replace(disturbed(1), closed_loop=True)
     found = identify(data, method="auto")
     assert found.method == "pbsid"

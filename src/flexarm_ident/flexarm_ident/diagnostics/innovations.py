@@ -1,7 +1,7 @@
-"""News of a record: the parts of outputs and inputs that their past does not tell.
+"""Innovations of a record: the parts of outputs and inputs that their past does not predict.
 
-The news of an input are what neither its own past nor the past and present outputs tell. They are
-independent of the outputs' noise, also where a controller made the input.
+The innovations of an input are what neither its own past nor the past and present outputs predict.
+They are independent of the outputs' noise, also where a controller made the input.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 MEMORY = 20
 """Samples of the past that tell a signal."""
-SMALLEST_NEWS = 1e-5
-"""Part of an input's RMS that is rounding: with less news the input could be foretold."""
+SMALLEST_INNOVATION = 1e-5
+"""Part of an input's RMS that is rounding: a smaller one is no innovation."""
 _FEWEST = 500
 
 
-class News(NamedTuple):
+class Innovations(NamedTuple):
     """What the past does not tell of the outputs and of the inputs, each (rows, channels).
 
     The signals are in units of their deviations; the rows are those of the record.
@@ -36,8 +36,8 @@ class News(NamedTuple):
     inputs: FloatArray
 
 
-def news_of(record: IoData) -> News | None:
-    """Return the news in the longest stretch of a record; None for one that is too short."""
+def innovations_of(record: IoData) -> Innovations | None:
+    """Return the innovations in the longest stretch of a record; None for one that is too short."""
     rows = longest(record)
     u, y = centred(record.u[rows]), centred(record.y[rows])
     if len(u) < _FEWEST:
@@ -45,7 +45,7 @@ def news_of(record: IoData) -> News | None:
     past = shifted(y, 1)
     told = np.hstack([past, y[MEMORY:], shifted(u, 1)])
     later = slice(rows.start + MEMORY, rows.stop)
-    return News(later, remainder(past, y[MEMORY:]), remainder(told, u[MEMORY:]))
+    return Innovations(later, remainder(past, y[MEMORY:]), remainder(told, u[MEMORY:]))
 
 
 def longest(record: IoData) -> slice:

@@ -1,7 +1,8 @@
-"""Ladder of friction: Coulomb and viscous, higher at standstill after Stribeck, higher under load.
+"""Choice of friction model: Coulomb and viscous, with the Stribeck effect, with the load.
 
-A higher rung has more parameters, so it simulates what it was fitted to no worse. It is taken where
-it fits the records clearly better and simulates halves that were left out clearly better as well.
+A model with another effect has more parameters and simulates what it was fitted to no worse. It is
+taken where it fits the records clearly better and simulates halves that were left out clearly
+better as well.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_ident.arm.descent import LAST_STEPS, descend
-from flexarm_ident.arm.equations import Rung
+from flexarm_ident.arm.equations import FrictionModel
 from flexarm_ident.arm.simulation_error import Part
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from flexarm_ident.arm.simulation_error import SimulationError
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
 
-_EFFECTS = (Rung.STRIBECK, Rung.LOAD)
+_EFFECTS = (FrictionModel.STRIBECK, FrictionModel.LOAD)
 # Costs are squares of errors: an error on what was left out has to fall by 5 %.
 _LEFT_OUT_PAYS = 0.9
 _FIT_PAYS = 0.95
@@ -44,9 +45,9 @@ class Fit(NamedTuple):
     minima: tuple[Minimum, ...]
 
     @property
-    def rung(self) -> Rung:
+    def friction_model(self) -> FrictionModel:
         """What the friction depends on."""
-        return self.problem.arm.rung
+        return self.problem.arm.friction_model
 
     @property
     def own(self) -> FloatArray:
@@ -55,8 +56,8 @@ class Fit(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Climb:
-    """Rung that was reached, and those that were tried.
+class FrictionChoice:
+    """Friction model that was chosen, and those that were tried.
 
     Attributes
     ----------
@@ -64,21 +65,21 @@ class Climb:
         Fit of the records.
     halves : tuple of Fit
         Fits of their first and second halves, which know nothing of each other.
-    left_out : dict of Rung to tuple of float
-        Relative error of each half that was left out, by rung.
+    left_out : dict of FrictionModel to tuple of float
+        Relative error of each half that was left out, by friction model.
     """
 
     whole: Fit
     halves: tuple[Fit, ...]
-    left_out: dict[Rung, tuple[float, ...]]
+    left_out: dict[FrictionModel, tuple[float, ...]]
 
     @property
-    def rung(self) -> Rung:
+    def friction_model(self) -> FrictionModel:
         """What the friction depends on."""
-        return self.whole.rung
+        return self.whole.friction_model
 
 
-def climb(problem: SimulationError, minima: Sequence[Minimum]) -> Climb:
+def choose_friction(problem: SimulationError, minima: Sequence[Minimum]) -> FrictionChoice:
     """Add effects to the friction as long as they pay.
 
     Parameters
@@ -89,7 +90,7 @@ def climb(problem: SimulationError, minima: Sequence[Minimum]) -> Climb:
         Its minima, the lowest first.
     """
     here = _judged(Fit(problem, tuple(minima)), _halves(problem, minima[0].theta))
-    while missing := [effect for effect in _EFFECTS if effect not in here.rung]:
+    while missing := [effect for effect in _EFFECTS if effect not in here.friction_model]:
         tried = [
             _judged(
                 _with_effect(here.whole, effect),
@@ -97,8 +98,10 @@ def climb(problem: SimulationError, minima: Sequence[Minimum]) -> Climb:
             )
             for effect in missing
         ]
-        best = min(tried, key=lambda each: sum(np.square(each.left_out[each.rung])))
-        left_out = here.left_out | {each.rung: each.left_out[each.rung] for each in tried}
+        best = min(tried, key=lambda each: sum(np.square(each.left_out[each.friction_model])))
+        left_out = here.left_out | {
+            each.friction_model: each.left_out[each.friction_model] for each in tried
+        }
         pays = _pays(here, best)
         here = replace(best if pays else here, left_out=left_out)
         if not pays:
@@ -106,24 +109,29 @@ def climb(problem: SimulationError, minima: Sequence[Minimum]) -> Climb:
     return here
 
 
-def _pays(here: Climb, higher: Climb) -> bool:
+def _pays(here: FrictionChoice, higher: FrictionChoice) -> bool:
     fit = higher.whole.minima[0].cost <= _FIT_PAYS * here.whole.minima[0].cost
-    before, after = np.array(here.left_out[here.rung]), np.array(higher.left_out[higher.rung])
+    before, after = (
+        np.array(here.left_out[here.friction_model]),
+        np.array(higher.left_out[higher.friction_model]),
+    )
     left_out = np.sum(after**2) <= _LEFT_OUT_PAYS * np.sum(before**2)
-    relevant = np.any(_part_of_level(higher.whole, higher.rung & ~here.rung) > _RELEVANT)
+    relevant = np.any(
+        _part_of_level(higher.whole, higher.friction_model & ~here.friction_model) > _RELEVANT
+    )
     return bool(fit and left_out and relevant and np.all(after < before))
 
 
-def _part_of_level(fit: Fit, effect: Rung) -> FloatArray:
+def _part_of_level(fit: Fit, effect: FrictionModel) -> FloatArray:
     """Return the size of an effect as a part of the Coulomb level, (inputs,)."""
     levels, rises, _, loads = fit.problem.arm.laws(fit.own).T
-    if effect == Rung.STRIBECK:
+    if effect == FrictionModel.STRIBECK:
         return np.asarray(rises / levels)
     sizes = np.vstack([part.sizes for part in fit.problem.parts])
     return np.asarray(loads * np.sqrt(np.mean(sizes**2, axis=0)) / levels)
 
 
-def _judged(whole: Fit, halves: tuple[Fit, ...]) -> Climb:
+def _judged(whole: Fit, halves: tuple[Fit, ...]) -> FrictionChoice:
     """Return the fits with the error of each half under the arm of the other half.
 
     The first motion of a half is fitted to that half: it is no property of the arm.
@@ -134,18 +142,18 @@ def _judged(whole: Fit, halves: tuple[Fit, ...]) -> Climb:
         motions = np.arange(len(half.own), len(theta))
         found = descend(other.problem, theta, iterations=_MOTION_STEPS, free=motions)
         errors.append(float(np.sqrt(found.cost / other.problem.arm.outputs)))
-    return Climb(whole, halves, {whole.rung: tuple(errors)})
+    return FrictionChoice(whole, halves, {whole.friction_model: tuple(errors)})
 
 
-def _with_effect(fit: Fit, effect: Rung) -> Fit:
-    arm = replace(fit.problem.arm, rung=fit.rung | effect)
+def _with_effect(fit: Fit, effect: FrictionModel) -> Fit:
+    arm = replace(fit.problem.arm, friction_model=fit.friction_model | effect)
     problem = replace(fit.problem, arm=arm)
     found = [descend(problem, start, iterations=_STEPS) for start in _starts(fit, arm)]
     return Fit(problem, tuple(sorted(found, key=lambda each: each.cost)))
 
 
 def _starts(fit: Fit, higher: FlexibleArm) -> Iterator[FloatArray]:
-    """Yield parameters on a higher rung: those of the fit, and guesses for what is new."""
+    """Yield parameters with one more effect: those of the fit, and guesses for what is new."""
     lower, theta = fit.problem.arm, fit.minima[0].theta
     new = [name for name, place in higher.blocks.items() if place.stop > place.start]
     new = [name for name in new if not len(theta[lower.blocks[name]])]
