@@ -27,7 +27,7 @@ def main() -> None:
     reference_v = np.full(round(LENGTH_S / model.dt), SETPOINT_V)
     run = simulate_loop(model, Pdp(gains), reference_v)
     step = step_figures(run.time_s, run.y[:, 0], SETPOINT_V)
-    print(f"overshoot {step.overshoot:.1%}, settled after {step.settling_s:.2f} s")
+    print(f"overshoot {step.overshoot:.1%}, settling time (5 %) {step.settling_s:.2f} s")
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ def main() -> None:
     run = simulate(rig, build_law("pd"), np.full(round(LENGTH_S * RATE_HZ), SETPOINT_V))
     rig.close()
     step = step_figures(run.time_s, run.y[:, 0], SETPOINT_V)
-    print(f"mean error {step.mean_error_v:+.4f} V, settled after {step.settling_s:.2f} s")
+    print(f"mean error {step.mean_error_v:+.4f} V, settling time (5 %) {step.settling_s:.2f} s")
 
 
 if __name__ == "__main__":

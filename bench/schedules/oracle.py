@@ -111,7 +111,7 @@ class Oracle:
     def on_write(self, command_v: float) -> None:
         """Check a command of the drive before it acts."""
         limits, before_v = self.limits, self.drive_v
-        self._require(math.isfinite(command_v), "the command is no finite number")
+        self._require(math.isfinite(command_v), "the command is not a finite number")
         self._require(
             abs(command_v) <= limits.max_command_v + _ROUNDING,
             f"command of {command_v:g} V, the limit is {limits.max_command_v:g} V",

@@ -67,13 +67,13 @@ def test_design_controller___identified_model___margins_hold_and_the_step_settle
     text = printed("design_controller", tmp_path)
     assert figure(r"margins: ([\d.]+) dB", text) > 9.9
     assert figure(r"dB, ([\d.]+) deg", text) > 54.0
-    assert figure(r"settled after ([\d.]+) s", text) < 2.0
+    assert figure(r"settling time \(5 %\) ([\d.]+) s", text) < 2.0
 
 
 def test_own_rig___under_pd_control___comes_to_the_set_point(tmp_path: Path) -> None:
     text = printed("own_rig", tmp_path)
     assert abs(figure(r"mean error ([-+\d.]+) V", text)) < 0.05
-    assert figure(r"settled after ([\d.]+) s", text) < 3.0
+    assert figure(r"settling time \(5 %\) ([\d.]+) s", text) < 3.0
 
 
 def test_own_law___beside_a_packaged_one___settles(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_laws_compared___tuned_and_packaged_laws_arrive(capsys: pytest.CaptureFi
     names, _ = run("laws_compared")
     for name, run_of_it in names["runs"].items():
         assert abs(run_of_it.y[-300:, 0].mean() - 3.0) < 0.1, name
-    assert "settled after" in capsys.readouterr().out
+    assert "settling time (5 %)" in capsys.readouterr().out
     assert all(each.gain_margin_db > 9.9 for each in names["tuning"].margins)
 
 

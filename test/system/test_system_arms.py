@@ -127,7 +127,7 @@ def test_stop_of_every_arm___without_any___says_so(graph: Graph) -> None:
     process = graph.run([str(ROOT / "flexarm"), "stop", "--all"])
     assert process.exit_code() == 1
     assert process.printed == (
-        f"flexarm: no arm was heard of in ROS domain {graph.domain} within 4 s: "
+        f"flexarm: no arm was found in ROS domain {graph.domain} within 4 s: "
         "start an arm with flexarm up, or use its ROS_DOMAIN_ID and --namespace\n"
     )
 
@@ -173,7 +173,7 @@ def test_set___misspelt_node___is_told_the_nearest(graph: Graph) -> None:
     process = graph.run([str(ROOT / "flexarm"), "set", "controler", "law=pd"])
     assert process.exit_code() == 1
     assert process.printed == (
-        f"flexarm: no node /flexarm/controler was heard of in ROS domain {graph.domain} within 4 s"
+        f"flexarm: no node /flexarm/controler was found in ROS domain {graph.domain} within 4 s"
         " (nearest: /flexarm/controller): "
         "start an arm with flexarm up, or use its ROS_DOMAIN_ID and --namespace\n"
     )

@@ -68,7 +68,7 @@ def test_report_command___reduces_and_leaves_one_file(graph: Graph, tmp_path: Pa
     arguments = ("--order", "14", "--block-rows", "20", "--reduced-order", "8", "-o", str(out))
     process = graph.run([str(ROOT / "flexarm"), "report", str(BAG), *arguments])
     assert process.exit_code() == 0, process.printed
-    assert process.printed.splitlines()[-1] == f"order 8, report in {out}"
+    assert process.printed.splitlines()[-1] == f"report in {out}"
     assert names_in(out.parent) == {"arm.html"}
     text = out.read_text("utf-8")
     assert "The model has 8 states, reduced from 14." in text
@@ -94,7 +94,7 @@ def test_command___with_exports___shows_stages_and_writes_the_files(
     )
     assert process.exit_code() == 0, process.printed
     stages = ["reading", "gram", "reduction", "validation", "writing"]
-    places = [process.printed.index(f" % {stage}\n") for stage in stages]
+    places = [process.printed.index(f"  {stage}\n") for stage in stages]
     assert places == sorted(places)
     models = ["model.yaml", "model.json", "model.mat", "model.h"]
     assert names_in(out) == {*models, "report.html"}

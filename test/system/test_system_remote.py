@@ -42,7 +42,7 @@ def test_status___without_a_graph___says_so(graph: Graph) -> None:
     process = graph.run([str(ROOT / "flexarm"), "status"])
     assert process.exit_code() == 1
     assert process.printed == (
-        f"flexarm: no node that reports was heard of in ROS domain {graph.domain} within 4 s: "
+        f"flexarm: no node that reports was found in ROS domain {graph.domain} within 4 s: "
         "start an arm with flexarm up, or use its ROS_DOMAIN_ID and --namespace\n"
     )
 
@@ -59,7 +59,7 @@ def test_verb___for_an_arm_that_is_not_there___names_those_that_are(
     process = graph.run([str(ROOT / "flexarm"), *words])
     assert process.exit_code() == 1
     assert process.printed == (
-        f"flexarm: no {wanted} was heard of in ROS domain {graph.domain} within 4 s in "
+        f"flexarm: no {wanted} was found in ROS domain {graph.domain} within 4 s in "
         "/flexarm, but /arm2 was: give --namespace arm2\n"
     )
 

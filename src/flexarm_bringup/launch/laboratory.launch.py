@@ -70,7 +70,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "page",
                 default_value="false",
-                description="true: serve the page of the arm; `flexarm status` tells its address",
+                description="true: serve the page of the arm; `flexarm status` prints its address",
             ),
             DeclareLaunchArgument(
                 "foxglove",

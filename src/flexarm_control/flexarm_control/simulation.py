@@ -116,8 +116,8 @@ class LoopRun:
             ("set-point", f"{end_v:g} V"),
             ("mean error", f"{step.mean_error_v:+.4f} V"),
             ("overshoot", f"{step.overshoot:.1%}"),
-            ("settled after", f"{step.settling_s:.2f} s"),
-            ("rise", f"{step.rise_s:.2f} s"),
+            ("settling time (5 %)", f"{step.settling_s:.2f} s"),
+            ("rise time", f"{step.rise_s:.2f} s"),
         ]
 
 

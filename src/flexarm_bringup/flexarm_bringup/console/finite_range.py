@@ -18,5 +18,5 @@ class FiniteRange(click.FloatRange):
         """Return the number; a text that is none, or beyond the range, is a usage error."""
         number = float(super().convert(value, param, ctx))
         if not math.isfinite(number):
-            self.fail(f"{value} is no finite number.", param, ctx)
+            self.fail(f"{value} is not a finite number.", param, ctx)
         return number

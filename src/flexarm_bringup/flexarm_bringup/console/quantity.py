@@ -55,7 +55,7 @@ class Quantity(FiniteRange):
                 ctx,
             )
         if not math.isfinite(given):
-            self.fail(f"{value} is no finite number.", param, ctx)
+            self.fail(f"{value} is not a finite number.", param, ctx)
         per_unit = self.units[unit]
         # A refusal has the unit that was given.
         low = -math.inf if self.min is None else self.min

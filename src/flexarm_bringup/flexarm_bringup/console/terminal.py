@@ -54,17 +54,18 @@ class ShownModel(NamedTuple):
 
 
 def show_model(model: ShownModel) -> None:
-    """Print modes, errors, dry friction and warnings."""
+    """Print modes, fits, dry friction and warnings."""
     dt_s = next(value for key, value in model.parameters.items() if key.endswith(".dt_s"))
     show_table(mode_table(model.modes, dt_s, model.frequency_std_hz))
     is_reduced = not all(mode.kept for mode in model.modes)
+    of_full = " of the full model" if is_reduced else ""
     rows = [
-        ("data (DMV)", model.dmv),
-        ("full, left out (CV)" if is_reduced else "left out (CV)", model.left_out),
-        ("set-point (SFV)", model.sfv),
+        ("simulation, measured input (DMV)", model.dmv),
+        (f"5-fold cross-validation{of_full}", model.left_out),
+        ("closed-loop simulation (SFV)", model.sfv),
     ]
     rows = [(name, errors) for name, errors in rows if len(errors)]
-    show_table(error_table(model.outputs, rows))
+    show_table(fit_table(model.outputs, rows))
     friction = friction_table(model.parameters)
     if friction.row_count:
         show_table(friction)
@@ -119,11 +120,11 @@ def quoted(path: Path) -> str:
 
 @contextmanager
 def progress() -> Iterator[Callable[[str, float], None]]:
-    """Show what is being done and the part of the whole; without a terminal, a line per tenth.
+    """Show what is being done and the part of the whole; without a terminal, a line per stage.
 
     What is called to show it raises the KeyboardInterrupt that a library has swallowed.
     """
-    with _shown_progress() as show:
+    with _shown_progress(_stage_lines()) as show:
 
         def checked(text: str, done: float) -> None:
             check_interruption()
@@ -133,9 +134,9 @@ def progress() -> Iterator[Callable[[str, float], None]]:
 
 
 @contextmanager
-def _shown_progress() -> Iterator[Callable[[str, float], None]]:
+def _shown_progress(plain: Callable[[str, float], None]) -> Iterator[Callable[[str, float], None]]:
     if not CONSOLE.is_terminal:
-        yield _plain_progress()
+        yield plain
         return
     columns = (
         TextColumn("  {task.description:12}", markup=False),
@@ -149,20 +150,37 @@ def _shown_progress() -> Iterator[Callable[[str, float], None]]:
 
 @contextmanager
 def progress_bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show how much of `total` is done."""
-    with progress() as show:
-        yield lambda done: show(text, done / total)
+    """Show how much of `total` is done; without a terminal, a line per tenth."""
+    with _shown_progress(_tenth_lines()) as show:
+
+        def checked(done: int) -> None:
+            check_interruption()
+            show(text, done / total)
+
+        yield checked
 
 
-def _plain_progress() -> Callable[[str, float], None]:
-    shown: tuple[str, int] = ("", 0)
+def _stage_lines() -> Callable[[str, float], None]:
+    shown = ""
+
+    def show(text: str, _done: float) -> None:
+        nonlocal shown
+        if text != shown:
+            shown = text
+            CONSOLE.print(f"  {text}")
+
+    return show
+
+
+def _tenth_lines() -> Callable[[str, float], None]:
+    shown = -1
 
     def show(text: str, done: float) -> None:
         nonlocal shown
-        now = text, int(done * _PLAIN_STEPS)
-        if now != shown:
-            shown = now
-            CONSOLE.print(f"  {100 * now[1] // _PLAIN_STEPS:3d} % {text}")
+        tenths = int(done * _PLAIN_STEPS)
+        if tenths != shown:
+            shown = tenths
+            CONSOLE.print(f"  {100 * tenths // _PLAIN_STEPS:3d} % {text}")
 
     return show
 
@@ -206,14 +224,16 @@ def mode_table(modes: Sequence[Mode], dt_s: float, frequency_std_hz: Sequence[fl
     return table
 
 
-def error_table(outputs: Sequence[str], rows: Iterable[tuple[str, Sequence[float]]]) -> Table:
-    """Return a table of relative errors (2-25), one column per output and the mean.
+def fit_table(outputs: Sequence[str], rows: Iterable[tuple[str, Sequence[float]]]) -> Table:
+    """Return a table of fits in percent, one column per output and the mean.
 
-    A constant output has none.
+    The fit is 100 (1 - e) of the relative error e (2-25) about the mean. The mean error stands
+    beside it, for comparison with the thesis. A constant output has no fit.
     """
-    table = Table("relative error", *outputs, "mean", box=None)
+    table = Table("fit, %", *outputs, "mean", "relative error", box=None)
     for name, errors in rows:
-        table.add_row(name, *("-" if isnan(error) else f"{error:.4f}" for error in errors))
+        fits = ("-" if isnan(error) else f"{100.0 * (1.0 - error):.1f}" for error in errors)
+        table.add_row(name, *fits, f"{errors[-1]:.4f}")
     return table
 
 

@@ -242,4 +242,4 @@ def _nobody(wanted: str, others: str = "") -> str:
 
 
 def _where() -> str:
-    return f"was heard of in ROS domain {ros_domain()} within {_DISCOVERY_S:.0f} s"
+    return f"was found in ROS domain {ros_domain()} within {_DISCOVERY_S:.0f} s"

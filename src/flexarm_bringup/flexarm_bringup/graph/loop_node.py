@@ -3,8 +3,8 @@
 A sample reaches the law without the middleware. Parameters, services, topics and lifecycle are
 those of the two nodes in two processes, and every message is published as there.
 
-Each node has an executor in a thread of its own: a change of the law, whose design takes long, does
-not keep an emergency stop waiting.
+Each node has an executor in a thread of its own: a change of the control law, whose design takes
+long, does not keep an emergency stop waiting.
 """
 
 from __future__ import annotations

@@ -96,11 +96,9 @@ def require_whole(reading: BagReading, taken: int, *, lockstep: bool) -> None:
     """
     missing = taken - reading.samples
     if missing > 0:
-        raise LaunchError(
-            f"{missing} of {taken} samples are not in the record: nodes.log tells more"
-        )
+        raise LaunchError(f"{missing} of {taken} samples are not in the record: see nodes.log")
     if lockstep and reading.unanswered:
         raise LaunchError(
             f"{reading.unanswered} of {taken} samples had no command of their own: the drive was "
-            "held at zero, or answers did not come; nodes.log tells more"
+            "held at zero, or answers did not come; see nodes.log"
         )

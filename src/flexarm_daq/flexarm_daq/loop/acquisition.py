@@ -203,7 +203,7 @@ class Acquisition(Exchange):
             self._take(self._read(), self._clock.monotonic())
             if self._is_last():
                 return
-            # No command can act on a held drive: the arm moves on at its pace.
+            # No command can act on a drive that is held at zero: the arm moves on at its pace.
             waits = self._is_answered and self.safety.state is not DriveState.HELD
             if waits:
                 self._await_answer(lockstep.answer_timeout_s, stop)

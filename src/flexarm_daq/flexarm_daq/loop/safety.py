@@ -78,7 +78,7 @@ class Safety:
     state : DriveState
         Present state.
     reason : str
-        First cause of a held drive or a failed run; empty otherwise.
+        First cause of a drive held at zero or of a failed run; empty otherwise.
     counts : Counter of Event
         Number of times that each event changed the state.
     """

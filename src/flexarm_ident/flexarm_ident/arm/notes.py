@@ -49,7 +49,7 @@ def choice(fit: ArmFit, start_error: FloatArray, linear: str) -> str:
     """Return why the arm is the model, and what was chosen among the linear models before."""
     return (
         f"an arm with dry friction, order {fit.model.nstates}, took the place of the linear model: "
-        f"{mean_error(fit.error):.3g} in free simulation instead of {mean_error(start_error):.3g}; "
+        f"{mean_error(fit.error):.3g} in simulation instead of {mean_error(start_error):.3g}; "
         f"{_friction(fit)}; of the linear ones, {linear}"
     )
 

@@ -1,4 +1,4 @@
-"""Change of the plant or of the law in the middle of a record, or from one record to another.
+"""Change of the plant or of the controller within a record, or from one record to another.
 
 A record is cut into segments. Each is predicted one step ahead by a model of the other segments on
 its side of a cut, and by a model of those on the other side. While nothing changes, the two models
@@ -74,7 +74,7 @@ class _Change(NamedTuple):
 
 
 def changes(record: IoData) -> Iterator[DataWarning]:
-    """Yield the warnings that the plant, or the law of a closed loop, changed within a record.
+    """Yield the warnings that the plant, or the controller of a loop, changed within a record.
 
     A drive that changes by itself, such as a sweep, hides a change of the plant: a model is never
     as good at frequencies that it was not fitted to. So does one that was stopped.
@@ -169,10 +169,10 @@ def _found(
     present, drive = y(last, last + 1), u(last, last + 1)
     set_point = slice(len(record.outputs), None)
     if record.closed_loop:
-        # A law answers the last samples.
+        # A controller answers the last samples.
         law = _strongest(matrices, y(last - 1, last + 1) + u(last - 1, last), drive)
         if law.is_certain:
-            yield _warning(record, "law", law, parts)
+            yield _warning(record, "controller", law, parts)
         exogenous = [law]
         if present[set_point]:
             before = [row for shift in range(last) for row in y(shift, shift + 1)[set_point]]
@@ -202,8 +202,8 @@ def _with_reference(record: IoData) -> IoData:
 def _warning(record: IoData, changed: str, found: _Change, parts: Sequence[Segment]) -> DataWarning:
     row = parts[found.segment].first
     return PLANT_CHANGED(
-        f"the {changed} changes in mid-record, near {instant(row, record.dt_s)}: a model of one "
-        f"side predicts the other {_worse(found.loss)} its own; {_remedy(record, row)}",
+        f"the {changed} changes within the record, near {instant(row, record.dt_s)}: a model of "
+        f"one side predicts the other {_worse(found.loss)} its own; {_remedy(record, row)}",
         {"row": float(row), "loss": found.loss, "p_value": found.p_value},
         grade=Grade.CAUTION if changed == "plant" else Grade.INFORMATION,
     )

@@ -77,7 +77,7 @@ def limited_channels(record: IoData) -> Iterator[DataWarning]:
         for extreme, share in _limits(x):
             yield _SATURATION(
                 f"{name} reaches {extreme:.4g} and may be saturated: it stays there in "
-                f"{_percent(share)} of the samples; lower the drive or the gain",
+                f"{_percent(share)} of the samples; reduce the excitation amplitude or the gain",
                 {"level": extreme, "share": share},
                 channel=name,
             )
@@ -131,7 +131,7 @@ def _rest(record: IoData, name: str, x: FloatArray, constant: float) -> Iterator
     elif blows < _BLOWS:
         yield _CONSTANT(
             f"{name} is constant in {_percent(constant)} of the samples and leaves that value in "
-            f"{counted(blows, 'place')}: check the channel, or drive on",
+            f"{counted(blows, 'place')}: check the channel, or excite throughout",
             {"share": constant},
             channel=name,
         )
@@ -289,7 +289,7 @@ _SATURATION = Kind(
     "saturation",
     "Saturation",
     "0.1 % of the samples at an extreme that the signal runs into, in stretches of 3 or more",
-    "less drive or gain",
+    "a smaller excitation amplitude or gain",
 )
 _DEAD = Kind(
     "dead_sensor",

@@ -53,7 +53,7 @@ def feedback(data: Looked) -> Iterator[DataWarning]:
         # What the choice of a method asks as well: later inputs.
         biased = "fit D in the former case (feedthrough); a small bias remains in the latter"
         text = (
-            "an output follows the input within a sample, or a controller answers within one: the "
+            "an output responds within a sample, or a controller answers within one: the "
             f"inputs of the same sample correlate with the outputs' noise, {usual}, later ones do "
             "not; "
         )
@@ -73,8 +73,7 @@ _KIND = Kind(
     FEEDBACK,
     "Closed loop",
     "the record says closed loop, or p < 1e-6 and 1.5 times the correlation at distant lags; "
-    "without a declared loop, the text tells inputs of the same sample alone from later ones, "
-    "which the choice of a method asks",
+    "without a declared loop, the text distinguishes inputs of the same sample from later ones",
     "`auto` or `pbsid`, not `orse`; of the same sample alone, `feedthrough`",
 )
 CHECKS = (Check(feedback, (_KIND,)),)

@@ -1,4 +1,4 @@
-"""Drive of a record: moves that are too few, and stretches without any."""
+"""Input activity of a record: too few input transitions, and stretches with an idle input."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def drive_defects(record: IoData) -> Iterator[DataWarning]:
     moves, share = len(runs(active)), float(active.mean())
     total_s = len(record) * record.dt_s
     yield _KIND(
-        f"the inputs act in {share * total_s:.3g} of {total_s:.4g} s only, in "
-        f"{counted(moves, 'move')}: an answer cannot be told from a disturbance; make {_MOVES} "
-        "moves or more, all over the record",
+        f"the inputs act in {share * total_s:.3g} of {total_s:.4g} s only, with "
+        f"{counted(moves, 'transition')}: a response and a disturbance look alike; record {_MOVES} "
+        "input transitions or more, all over the record",
         {"moves": float(moves), "active_s": share * total_s, "total_s": total_s},
     )
 
@@ -110,7 +110,7 @@ def _hold(record: IoData) -> Iterator[DataWarning]:
     }
     if _is_stop(record, hold):
         yield _KIND(
-            f"the drive is at zero from {instant(first, record.dt_s)} to the end, "
+            f"the input is idle at zero from {instant(first, record.dt_s)} to the end, "
             f"{100.0 * share:.3g} % of the record, as after a stop: leave those rows out "
             f"({without(record, [(first, last)])})",
             figures,
@@ -119,9 +119,9 @@ def _hold(record: IoData) -> Iterator[DataWarning]:
     if share < _HOLD_SHARE or hold.is_chance:
         return
     yield _KIND(
-        f"no input changes from {instant(first, record.dt_s)} to {instant(last, record.dt_s)}, "
-        f"{100.0 * share:.3g} % of the record, and {moves} times elsewhere: leave those rows out "
-        f"({without(record, [(first, last)])}), or drive on",
+        f"the input is idle from {instant(first, record.dt_s)} to {instant(last, record.dt_s)}, "
+        f"{100.0 * share:.3g} % of the record, and changes {moves} times elsewhere: leave those "
+        f"rows out ({without(record, [(first, last)])}), or excite throughout",
         figures,
     )
 
@@ -144,10 +144,11 @@ def _active_windows(record: IoData) -> BoolArray:
 
 _KIND = Kind(
     "drive",
-    "Drive",
-    "nine tenths of the input's power in a tenth of the record, in fewer than 5 moves; no input "
-    "changes in a tenth of the record or more, where moves at random leave such a gap once in "
-    "10,000 records; or the drive ends at zero, as after a stop, for a twentieth or more",
-    "move five times or more; drive on, or leave those rows out (`--from`, `--to`)",
+    "Input activity",
+    "too few input transitions: nine tenths of the input's power in a tenth of the record, with "
+    "fewer than 5 transitions; input idle: no change in a tenth of the record or more, where "
+    "random transitions leave such a gap once in 10,000 records; or the input ends at zero, as "
+    "after a stop, for a twentieth or more",
+    "five input transitions or more; excite throughout, or leave those rows out (`--from`, `--to`)",
 )
 CHECKS = (Check(each_record(drive_defects), (_KIND,)),)

@@ -1,4 +1,4 @@
-"""Excitation of the data: band and richness of the inputs, and length of the records."""
+"""Excitation of the data: band and persistence of the inputs, and length of the records."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
     return float(band[0]), float(band[-1]), float(excited.mean())
 
 
-def richness(gram: BlockGram) -> Iterator[DataWarning]:
+def persistence(gram: BlockGram) -> Iterator[DataWarning]:
     """Yield what is wrong with the inputs' product matrix."""
     rows = gram.input_rows(0, gram.block_rows)
     inputs = gram.matrix[np.ix_(rows, rows)]
@@ -133,10 +133,10 @@ def excited_bands(record: IoData) -> Iterator[DataWarning]:
 
 _EXCITATION = Kind(
     "excitation",
-    "Excitation",
+    "Persistence of excitation",
     "condition of U U' 1e12 or more; below 80 % of the frequencies within 40 dB, or none below 2"
     " % of Nyquist, is information",
-    "a richer input, such as steps, or noise over all modes; trust no mode outside its band",
+    "excite with steps or noise over all modes; trust no mode outside the excited band",
 )
 _FEW_VALUES = Kind(
     FEW_VALUES,
@@ -146,7 +146,7 @@ _FEW_VALUES = Kind(
     "record longer, or a lower order",
 )
 CHECKS = (
-    Check(lambda data: richness(data.gram), (_EXCITATION,)),
+    Check(lambda data: persistence(data.gram), (_EXCITATION,)),
     Check(each_record(excited_bands), (_EXCITATION,)),
     Check(lambda data: few_values(data.records, data.order), (_FEW_VALUES,)),
 )

@@ -77,11 +77,11 @@ class _Correlation(NamedTuple):
 
 
 def answer_defects(record: IoData) -> Iterator[DataWarning]:
-    """Yield the outputs without an answer or with a static one, and the inputs with a delay."""
+    """Yield the outputs with no response or a static one, and the inputs with a delay."""
     static = static_outputs(record)
     for name, gain_share in static.items():
         yield _NO_ANSWER(
-            f"{name} follows the inputs within the sample and has no dynamics "
+            f"{name} responds within the sample and has no dynamics "
             f"({100.0 * gain_share:.4g} % of its power): leave it out, or fit with feedthrough",
             {"share": gain_share},
             channel=name,
@@ -150,8 +150,9 @@ def _delays(record: IoData, innovations: Innovations) -> Iterator[DataWarning]:
         if excess + _DEVIATIONS * scatter >= gradual:
             continue
         yield _DELAY(
-            f"no output answers {name} before {delay + 1} samples ({(delay + 1) * record.dt_s:.3g} "
-            f"s): a delay of {delay} samples costs a state each; shift {name} by them, or find it",
+            f"no output responds to {name} before {delay + 1} samples "
+            f"({(delay + 1) * record.dt_s:.3g} s): a delay of {delay} samples costs a state each; "
+            f"shift {name} by them, or find it",
             {"samples": float(delay), "delay_s": delay * record.dt_s, "evidence": evidence[delay]},
             channel=name,
         )
@@ -183,7 +184,7 @@ def _unanswered(
             continue
         name = record.outputs[i]
         yield _NO_ANSWER(
-            f"{name} shows no answer to any input in {len(record)} samples, only noise: check the "
+            f"{name} has no response to any input in {len(record)} samples, only noise: check the "
             "sensor and its wiring, or leave it out",
             {"samples": float(len(record)), "explained": float(welch.explained[i])},
             grade=Grade.DO_NOT_USE,
@@ -245,9 +246,10 @@ def _without_extremes(y: FloatArray) -> FloatArray:
 
 _NO_ANSWER = Kind(
     "no_answer",
-    "Output without an answer",
-    "no input shows in an output (no correlation, no coherence, p > 0.01 each): do not use it; the "
-    "input of the same row tells half of an output or more, and the past of both nothing more",
+    "No response to the input",
+    "an output has no response to the input (no correlation, no coherence, p > 0.01 each): do not "
+    "use it; the input of the same row predicts half of an output or more, and the past adds "
+    "nothing",
     "check the sensor, or leave it out; fit with `feedthrough`",
 )
 _DELAY = Kind(

@@ -1,9 +1,9 @@
-"""Verdict on an identification: good, usable, poor or useless, with two figures and the next step.
+"""Verdict on an identification: good, usable, poor or not usable, with two figures and a next step.
 
-A control engineer rests on two figures. The first is the error of a free simulation, of data that
-the model has not seen if there are any, in units of the outputs' deviation: 1 is no better than the
-mean. The second is the part of this error that still follows the inputs. It tells missing dynamics,
-which another model can have, from noise and friction, which no linear model of these inputs can.
+A control engineer rests on two figures. The first is the fit of a simulation, on data that the
+model has not seen if there are any: 100 % is a perfect model, 0 % is the mean. The second is the
+part of the residual power that is coherent with the inputs. It tells unmodelled dynamics, which
+another model can have, from noise and friction, which no linear model of these inputs can.
 """
 
 from __future__ import annotations
@@ -32,13 +32,15 @@ _USABLE = 0.5
 _POOR = 0.9
 # Larger by what three digits show.
 _WORSE = 1.005
-# Part of the error's power that follows the inputs: with more, most of it can be avoided.
+# Part of the residual power that is coherent with the inputs: with more, most can be avoided.
 _AVOIDABLE = 0.5
+ESTIMATION_DATA, HELD_OUT, CROSS_VALIDATED = "estimation data", "held-out data", "cross-validated"
+"""What a fit is computed on."""
 _VALIDATE = "validate it on another record, or fit a leading part of this one (train_fraction)"
 
 _KEEP_UNSTABLE = (
-    "identify a short part with --keep-unstable (stable=False), as the plant is unstable in its "
-    "loop and this model was made stable"
+    "identify a short part with --keep-unstable (stable=False): the plant is unstable in its loop, "
+    "and this model was made stable"
 )
 
 
@@ -48,10 +50,10 @@ class Level(IntEnum):
     GOOD = 0
     USABLE = 1
     POOR = 2
-    USELESS = 3
+    NOT_USABLE = 3
 
     def __str__(self) -> str:
-        return self.name.lower()
+        return self.name.lower().replace("_", " ")
 
 
 @dataclass(frozen=True)
@@ -63,15 +65,16 @@ class Verdict:
     level : Level
         Level of the model.
     error : float
-        Mean of the outputs' relative errors in free simulation; 1 is that of their means.
+        Mean of the outputs' relative errors in simulation; 1 is that of their means.
     worst : float
         Largest of them.
     worst_output : str
         Name of that output.
     missed : float
-        Share of the error's power that follows the inputs, 0 to 1; NaN when it is not known.
-    unseen : bool
-        Whether the errors are of data that the model has not seen.
+        Share of the residual power that is coherent with the inputs, 0 to 1; NaN when it is not
+        known.
+    validation : str
+        What the errors are of: `ESTIMATION_DATA`, `HELD_OUT` or `CROSS_VALIDATED`.
     next_step : str
         What to do next, a main clause.
     """
@@ -81,19 +84,43 @@ class Verdict:
     worst: float
     worst_output: str
     missed: float
-    unseen: bool
+    validation: str
     next_step: str
 
     def __str__(self) -> str:
+        figures = "; ".join(filter(None, (self.headline, self.coherence)))
+        return f"{figures}. Next: {self.next_step}."
+
+    @property
+    def headline(self) -> str:
+        """Level and fit, with how the fit is computed and that of the worst output."""
         worse = ", worse than the mean" if self.error >= _WORSE else ""
-        data = "data that were not fitted" if self.unseen else "the fitted data"
-        text = (
-            f"{self.level}{worse}: error {self.error:.3g} in free simulation of {data} (worst "
-            f"{self.worst:.3g}, {self.worst_output}; the mean has 1)"
+        lowest = f"; lowest {fit_text(self.worst)}, {self.worst_output}"
+        return (
+            f"{self.level}{worse}: fit {fit_text(self.error)} (NRMSE, simulation, "
+            f"{self.validation}{lowest if self.worst > self.error else ''})"
         )
-        if np.isfinite(self.missed):
-            text += f", {100.0 * self.missed:.0f} % of the error's power follows the inputs"
-        return f"{text}. Next: {self.next_step}."
+
+    @property
+    def coherence(self) -> str:
+        """Share of the residual power that is coherent with the inputs; empty when not known."""
+        if not np.isfinite(self.missed):
+            return ""
+        meaning = (
+            "could be removed by a better linear model" if self.avoidable else "unmodelled dynamics"
+        )
+        share = f"{100.0 * self.missed:.0f} % of the residual power"
+        return f"{share} is coherent with the input ({meaning})"
+
+    @property
+    def avoidable(self) -> bool:
+        """Whether a better linear model could remove most of the residual."""
+        return self.missed > _AVOIDABLE
+
+
+def fit_text(error: float) -> str:
+    """Return a relative error about the mean as a fit: 100 (1 - NRMSE) in percent."""
+    return f"{100.0 * (1.0 - error):.1f} %" if np.isfinite(error) else "-∞ %"
 
 
 def verdict(
@@ -101,7 +128,7 @@ def verdict(
     missed: FloatArray,
     outputs: Sequence[str],
     *,
-    unseen: bool,
+    validation: str,
     defects: Sequence[str] = (),
     few_values: bool = False,
     unstable: bool = False,
@@ -111,15 +138,15 @@ def verdict(
     Parameters
     ----------
     errors : ndarray, (outputs,)
-        Relative errors in free simulation of any validation; NaN for a constant output.
+        Relative errors in simulation; NaN for a constant output.
     missed : ndarray, (outputs,)
-        Share of each error's power that follows the inputs; NaN where it is not known.
+        Share of each residual's power that is coherent with the inputs; NaN where it is not known.
     outputs : sequence of str
         Names of the outputs.
-    unseen : bool
-        Whether the errors are of data that the model has not seen.
+    validation : str
+        What the errors are of: `ESTIMATION_DATA`, `HELD_OUT` or `CROSS_VALIDATED`.
     defects : sequence of str
-        Defects of the data that can be mended, in words.
+        Defects of the data that can be fixed, in words.
     few_values : bool
         Whether the records have too few values for errors on parts of them to be relied on: the
         model is no better than usable then.
@@ -138,10 +165,10 @@ def verdict(
         level = Level.USABLE
     if few_values:
         level = max(level, Level.USABLE)
-    step = _next_step(level, share, outputs[number], unseen=unseen, defects=defects)
+    step = _next_step(level, share, outputs[number], validation=validation, defects=defects)
     if unstable and level > Level.GOOD:
         step = _KEEP_UNSTABLE
-    return Verdict(level, error, worst, outputs[number], share, unseen, step)
+    return Verdict(level, error, worst, outputs[number], share, validation, step)
 
 
 def missed_shares(records: Sequence[IoData], simulated: Sequence[FloatArray]) -> FloatArray:
@@ -199,23 +226,23 @@ def _level(error: float) -> Level:
 
 
 def _next_step(
-    level: Level, missed: float, worst_output: str, *, unseen: bool, defects: Sequence[str]
+    level: Level, missed: float, worst_output: str, *, validation: str, defects: Sequence[str]
 ) -> str:
     listed = ", ".join(dict.fromkeys(defects))
     if level == Level.GOOD:
-        step = "use it" if unseen else f"{_VALIDATE}, then use it"
-        return f"{step}, but mind the data ({listed}), see the notes" if listed else step
+        step = f"{_VALIDATE}, then use it" if validation == ESTIMATION_DATA else "use the model"
+        return f"{step}, but check the data ({listed}), see the notes" if listed else step
     if listed:
-        return f"mend the data first ({listed}), see the notes"
+        return f"fix the data ({listed}), see the notes"
     if missed > _AVOIDABLE:
         return (
-            "try another method, a higher order, feedthrough or friction, as the inputs tell more "
-            "than the model"
+            "try another method, a higher order, feedthrough or friction: the residual is coherent "
+            "with the input"
         )
     if level == Level.USABLE:
-        return "design with a gain margin of 2 or more; harder driving or less noise would help"
+        return "design with a gain margin of 2 or more; a larger excitation improves the fit"
     return (
-        "drive harder and longer, or less hard where the plant is not linear, measure "
-        f"{worst_output} better or leave it out: noise, friction or something beside these inputs "
-        "makes most of the error"
+        "increase excitation amplitude or length, or decrease the amplitude where the plant is "
+        f"nonlinear; improve the measurement of {worst_output}, or leave it out: noise, friction "
+        "or an unmeasured input makes most of the residual"
     )

@@ -168,7 +168,7 @@ class Identification:
     def title(self) -> str:
         """Name of the method in reports."""
         if self.friction is not None:
-            return "flexible arm with dry friction, fitted by free simulation"
+            return "flexible arm with dry friction, fitted by simulation error"
         return METHODS[self.method].title
 
     @property

@@ -24,7 +24,7 @@ _LOOKS: dict[str, dict[str, Any]] = {
     PHYSICAL: {"linewidth": 5.0, "alpha": 0.3},
     SPLIT: {"linewidth": 1.0, "linestyle": ":"},
 }
-_LABELS = {PHYSICAL: "physical mode", SPLIT: "one of these at most"}
+_LABELS = {PHYSICAL: "physical mode", SPLIT: "possibly a split pole"}
 _BAND = 2.0
 """Half the width of a band, in standard deviations."""
 

@@ -198,7 +198,7 @@ def _with_joints(found: Identification, progress: Progress | None) -> Identifica
     where = ", ".join(drive.input for drive in coulomb.drives)
     reason = (
         f"dry friction at {where} was fitted with the linear model: "
-        f"{mean_error(fit.error):.3g} in free simulation instead of "
+        f"{mean_error(fit.error):.3g} in simulation instead of "
         f"{mean_error(start_error):.3g}, and over the last part of the record, which the compared "
         f"fit left out, {mean_error(fit.left_out):.3g} instead of "
         f"{mean_error(fit.linear_left_out):.3g}; of the linear ones, {found.choice}"

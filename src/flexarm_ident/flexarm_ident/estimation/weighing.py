@@ -188,7 +188,7 @@ class Weighed:
             return self._first
         first, best = self._first, self._best
         is_few = any(each.inflation > _FEW_DATA for each in (best, self._found_first) if each)
-        words = "in free simulation" + is_few * ", as expected of other data"
+        words = "in simulation" + is_few * ", as expected of other data"
 
         def told(made: Candidate | None) -> str:
             if made is None:

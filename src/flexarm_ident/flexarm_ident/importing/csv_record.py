@@ -115,9 +115,9 @@ def csv_record(path: Path, mapping: CsvMap) -> CsvRecord:
     Raises
     ------
     CsvImportError
-        If the file cannot be read, lacks a column, has fewer than 2 rows, a cell that is no finite
-        number (outputs may lack some), irregular or drifting time steps, or times that stamps
-        cannot show. The message names file, line and column.
+        If the file cannot be read, lacks a column, has fewer than 2 rows, a cell that is not a
+        finite number (outputs may lack some), irregular or drifting time steps, or times that
+        stamps cannot show. The message names file, line and column.
     BoundError
         If it is no plain file.
     """

@@ -214,7 +214,7 @@ def force_derivative(  # noqa: PLR0917 (compiled code has no keyword arguments)
             derivative[i] = np.sign(force[i]) * d_levels[i]
     if not held.any():
         return derivative
-    # Held drives keep their speed zero, whatever the others do.
+    # Drives that stick keep their speed zero, whatever the others do.
     if held.all():
         return product(inverse, ahead)
     matrix = np.eye(inputs)

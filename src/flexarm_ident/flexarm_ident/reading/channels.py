@@ -271,7 +271,7 @@ def _findings(found: CommonRows, read_off: Sequence[Track]) -> Iterator[DataWarn
         rates = ", ".join(f"{signal.label} at {1.0 / signal.period_s:.4g} Hz" for signal in slow)
         text = (
             f"{rates} in a record of {1.0 / grid.period_s:.4g} Hz: read off between the samples; "
-            "above half its own rate a signal tells nothing"
+            "above half its own rate a signal has no information"
         )
         slowest_hz = 1.0 / max(signal.period_s for signal in slow)
         yield SAMPLING(text, {"slowest_hz": slowest_hz})

@@ -1,4 +1,4 @@
-"""Changes of the arm and of the law that a bag tells: a payload that was set, a law in force."""
+"""Changes of the arm and of the controller that a bag reports: its payload, its control law."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def told_changes(
         )
         found.append(PLANT_CHANGED(said, {"at_s": cut_s}))
     for row, text in places.inside(_laws(bag, topic), places.stamps_ns):
-        said = f"the law was changed {text} at {instant(row, period_s)}"
+        said = f"the controller was changed {text} at {instant(row, period_s)}"
         figures = {"at_s": row * period_s}
         found.append(PLANT_CHANGED(said, figures, grade=Grade.INFORMATION))
     return tuple(found)
@@ -109,7 +109,7 @@ def _payloads(bag: Bag, topic: str) -> Iterator[tuple[int, str]]:
 
 
 def _laws(bag: Bag, topic: str) -> Iterator[tuple[int, str]]:
-    """Yield instant and new value of each change of the law or of one of its parameters."""
+    """Yield instant and new value of each change of the control law or of one of its parameters."""
     law = sibling(topic, "law")
     if not bag.has(law, LAW_IN_FORCE) or not bag.count(law):
         return

@@ -104,7 +104,7 @@ SAMPLING = Kind(
     "Sampling",
     "a sample more than 0.3 periods off its instant, or 10 % RMS; instants of receiving, where "
     "messages have no stamps; stamps and declared rate that differ by 1 %; an output slower than"
-    " the densest one, which tells nothing above half its own rate",
+    " the densest one, which has no information above half its own rate",
     "use messages with headers, one rate for all, and a machine with time to spare",
 )
 PARTIAL_RECORD = Kind(
@@ -120,12 +120,12 @@ CONVERTED = Kind(
     "an output jumps by a turn of an encoder (360, 2 pi, 2^8 to 2^32 counts): its turns are "
     "counted; a mean of a thousand deviations is subtracted; values beyond 1e-50 to 1e50 are "
     "multiplied by a power of ten",
-    "`--wrap 0` leaves an angle, `--wrap 4000` tells another period; `--bias none` leaves a mean",
+    "`--wrap 0` leaves an angle, `--wrap 4000` sets another period; `--bias none` leaves a mean",
     Grade.INFORMATION,
 )
 PLANT_CHANGED = Kind(
     "plant_changed",
-    "Change of plant or law",
+    "Change of plant or controller",
     "the bag says that the payload was set; models of two sides of a row predict the other side "
     "10 % worse than their own (p < 1e-6, 960 samples or more for each channel), or those of one"
     " of several records and of the others 30 % worse; of a controller in a closed loop it is "

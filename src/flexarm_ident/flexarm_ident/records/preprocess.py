@@ -64,7 +64,7 @@ def preprocess(
     compensation : {'remove', 'keep'}
         Treatment of the Coulomb compensation in the input.
     bias : {'rest', 'first', 'mean', 'none'}
-        Level subtracted from each output: mean of the rest at the start, first sample (step 2 of
+        Offset removed from each output: mean of the initial rest, first sample (step 2 of
         section 2.5), mean of the record, or nothing.
     zero_mean : sequence of str
         Outputs whose mean is always subtracted; those that the record lacks are skipped.

@@ -8,9 +8,10 @@ import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.labels import counted, label_and_unit
+from flexarm_ident.diagnostics.verdict import fit_text
 from flexarm_ident.report.content.blocks import Card, Facts
 from flexarm_ident.report.content.match_gallery import first_match
-from flexarm_ident.report.content.wording import listed, percent, short_labels
+from flexarm_ident.report.content.wording import listed, short_labels
 
 if TYPE_CHECKING:
     from flexarm_ident.diagnostics.verdict import Verdict
@@ -35,16 +36,16 @@ def card(subject: Subject) -> Card:
 
 
 def _figures(found: Verdict) -> list[tuple[str, str]]:
-    data = "data that were not fitted" if found.unseen else "the fitted data"
     worst = label_and_unit(found.worst_output)[0]
     about = (
-        f"error in free simulation of {data}; the worst is {worst} with {percent(found.worst)}, "
-        "the mean has 100 %"
+        f"fit (NRMSE, simulation, {found.validation}); the lowest is {worst} with "
+        f"{fit_text(found.worst)}"
     )
-    figures = [(percent(found.error), about)]
+    figures = [(fit_text(found.error), about)]
     if np.isfinite(found.missed):
-        words = "of the error's power follows the inputs: a better model could take it away"
-        figures.append((f"{100.0 * found.missed:.0f} %", words))
+        words = "of the residual power is coherent with the input"
+        removable = ": a better linear model could remove it" if found.avoidable else ""
+        figures.append((f"{100.0 * found.missed:.0f} %", words + removable))
     return figures
 
 

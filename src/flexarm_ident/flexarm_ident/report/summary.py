@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
+from flexarm_ident.diagnostics.verdict import fit_text
 from flexarm_ident.estimation.physical_modes import HEARD, NOISE, PHYSICAL, SPLIT, standing_of
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.records.data_warning import Grade
-from flexarm_ident.report.content.wording import listed, percent, shortened
+from flexarm_ident.report.content.wording import listed, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,16 +28,16 @@ def summary(outcome: Outcome) -> list[str]:
     full = outcome.identification.order
     origin = f", reduced from {full}" if model.nstates < full else ""
     friction = " and dry friction at its inputs" if outcome.friction else ""
-    error = percent(mean_error(outcome.dmv_errors))
+    fit = fit_text(mean_error(outcome.dmv_errors))
     lines = [
         f"The model has {counted(model.nstates, 'state')}{origin}{friction}.",
         f"It comes from {counted(len(records), 'record')} of {seconds:.1f} s in all.",
-        f"Driven by the measured input alone, it misses the outputs by {error} on average.",
+        f"The simulation with the measured input (DMV) has a fit of {fit} on average.",
     ]
     if outcome.sfv is not None:
         lines.append(
-            "Under the experiment's own control law, it misses them by "
-            f"{percent(mean_error(outcome.sfv.error))} on average."
+            "The closed-loop simulation with the recorded controller (SFV) has a fit of "
+            f"{fit_text(mean_error(outcome.sfv.error))}."
         )
     found = outcome.identification
     return lines + vibrations(
@@ -61,40 +62,49 @@ def vibrations(
         Whether the model has an arm's equations of motion: their modes need not recur over the
         orders of linear models, which have no friction, but they must be heard.
     """
+    light = _light_modes(modes, judged, is_arm=is_arm)
+    lines = []
+    if light[PHYSICAL]:
+        lines.append(f"{_lightly_damped(light[PHYSICAL])} (damping ratio below {_LIGHT_DAMPING}).")
+    if light[SPLIT]:
+        lines.append(f"{_lightly_damped(light[SPLIT])}: possibly a split pole.")
+    if light[NOISE]:
+        why = "" if is_arm else "not repeated over the orders, or "
+        lines.append(f"{_lightly_damped(light[NOISE])}: {why}hardly excited, possibly spurious.")
+    return lines or [f"No lightly damped mode (damping ratio below {_LIGHT_DAMPING})."]
+
+
+def _lightly_damped(frequencies_hz: Sequence[float]) -> str:
+    plural = "s" if len(frequencies_hz) > 1 else ""
+    words = listed([f"{frequency_hz:.2f}" for frequency_hz in frequencies_hz])
+    return f"Lightly damped mode{plural} at {words} Hz"
+
+
+def _light_modes(
+    modes: Sequence[Mode], judged: Sequence[JudgedMode], *, is_arm: bool
+) -> dict[str, list[float]]:
+    """Return the frequencies of the light modes, Hz, rising, by what the modes are."""
     light = [each for each in modes if each.is_pair and each.damping_ratio < _LIGHT_DAMPING]
     strongest = max((each.mrm for each in light), default=0.0)
-    told: dict[str, list[str]] = {PHYSICAL: [], SPLIT: [], NOISE: []}
+    found: dict[str, list[float]] = {PHYSICAL: [], SPLIT: [], NOISE: []}
     for mode in sorted(light, key=lambda each: each.frequency_hz):
         standing = standing_of(mode, judged) or NOISE
         if is_arm:
             standing = PHYSICAL if mode.mrm >= HEARD * strongest else NOISE
-        told[standing].append(f"{mode.frequency_hz:.2f} Hz")
-    lines = []
-    if told[PHYSICAL]:
-        lines.append(
-            f"It vibrates at {listed(told[PHYSICAL])} (damping ratio below {_LIGHT_DAMPING})."
-        )
-    if len(told[SPLIT]) == 1:
-        lines.append(
-            f"Its vibration at {told[SPLIT][0]} has a close neighbour in models of other orders: "
-            "at most one of the two is the plant's."
-        )
-    elif told[SPLIT]:
-        lines.append(
-            f"Of its vibrations at {listed(told[SPLIT])}, at most one of close neighbours is the "
-            "plant's."
-        )
-    if len(told[NOISE]) == 1:
-        lines.append(
-            f"Its vibration at {told[NOISE][0]} is not taken for the plant's: it "
-            f"{'' if is_arm else 'does not stay over the orders, or '}hardly answers the input."
-        )
-    elif told[NOISE]:
-        lines.append(
-            f"Its vibrations at {listed(told[NOISE])} are not taken for the plant's: they "
-            f"{'' if is_arm else 'do not stay over the orders, or '}hardly answer the input."
-        )
-    return lines or [f"It has no vibration with a damping ratio below {_LIGHT_DAMPING}."]
+        found[standing].append(mode.frequency_hz)
+    return found
+
+
+def headline(outcome: Outcome) -> str:
+    """Return level, fit, validation, order and lightly damped modes of a model in one line."""
+    light = _light_modes(
+        [mode for mode in outcome.modes if mode.kept],
+        outcome.identification.recurring_modes,
+        is_arm=outcome.identification.friction is not None,
+    )
+    shown = sorted([*light[PHYSICAL], *light[SPLIT]])
+    modes = f", {_lightly_damped(shown)}".lower().replace("hz", "Hz") if shown else ""
+    return f"{outcome.verdict.headline}, order {outcome.model.nstates}{modes}"
 
 
 def cautions(outcome: Outcome) -> list[str]:

@@ -162,7 +162,7 @@ def comparison_page(found: Sequence[Compared]) -> tuple[list[str], str]:
     parts["Modes"] = list(_modes(found))
     parts["Frequency response"] = list(_responses(found))
     if trials:
-        parts["Data matching"] = list(_matches(found, trials))
+        parts["Simulation"] = list(_matches(found, trials))
     title = f"Comparison of {', '.join(each.name for each in found)}"
     return words, render_page(title, words, parts)
 

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 _PANEL_IN = 2.2
 # Area of the mark of the heaviest mode, and of one without weight, in square points.
 _LARGEST, _SMALLEST = 36.0, 3.0
-FIGURES = ("verdict", "order", "error_mean", "left_out_mean")
-"""Columns of the table that a short one has too."""
 _LEVEL, _DEVIATION = "friction_", "_std"
 
 
@@ -75,7 +73,8 @@ def trend_plot(rows: Sequence[Row]) -> str:
         panels[0].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         panels[0].yaxis.set_major_formatter(plain_numbers())
         panels[0].yaxis.set_minor_formatter(NullFormatter())
-        _lines(panels[-1], places, rows, {"error_mean": "fit", "left_out_mean": "left out (CV)"})
+        errors = {"error_mean": "simulation", "left_out_mean": "5-fold cross-validation"}
+        _lines(panels[-1], places, rows, errors)
         panels[-1].set(ylabel="relative error")
         if levels:
             names = {column: axis_label(column.removeprefix(_LEVEL)) for column in levels}
@@ -110,6 +109,13 @@ def _places(rows: Sequence[Row], axes: Axes) -> list[Any]:
     return list(range(1, len(rows) + 1))
 
 
+def figures(row: Row) -> tuple[str, ...]:
+    """Return verdict, order and two fits of a row, %: simulation, cross-validation; or empty."""
+    errors = (row.number(name) for name in ("error_mean", "left_out_mean"))
+    fits = ("" if error is None else f"{100.0 * (1.0 - error):.1f}" for error in errors)
+    return row.cells.get("verdict", ""), row.cells.get("order", ""), *fits
+
+
 def trend_page(rows: Sequence[Row], picture: str, reports: dict[str, str], table: str) -> str:
     """Return the page of a series.
 
@@ -133,8 +139,8 @@ def trend_page(rows: Sequence[Row], picture: str, reports: dict[str, str], table
         "Begin, UTC",
         "Verdict",
         "Order",
-        "Error",
-        "Left out",
+        "Fit, %",
+        "5-fold CV, %",
         "Main modes, Hz",
         "No model",
     )
@@ -142,7 +148,7 @@ def trend_page(rows: Sequence[Row], picture: str, reports: dict[str, str], table
         (
             row.bag,
             row.cells.get("begun", "").replace("T", " ").removesuffix("+00:00"),
-            *(row.cells.get(name, "") for name in FIGURES),
+            *figures(row),
             ", ".join(f"{hz:.4g}" for hz, _ in row.main_modes()),
             row.failure,
         )

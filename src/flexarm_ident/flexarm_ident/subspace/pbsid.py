@@ -70,7 +70,7 @@ class PredictorSpace:
     inverse : TruncatedInverse
         Inverse of the regression on the past.
     feedthrough : bool
-        Whether the output may follow the input at once.
+        Whether the output may respond to the input at once (D).
     """
 
     basis: FloatArray
@@ -225,8 +225,8 @@ def predictor_space(
 ) -> PredictorSpace:
     """Return the predictor's states, from the Gram of ``p + 1`` block rows: past and present.
 
-    With feedthrough the output may follow the input at once (D). Under feedback the controller must
-    then answer with a delay. An `order` that alone is asked for takes half of the time.
+    With feedthrough the output may respond to the input at once (D). Under feedback the controller
+    must then answer with a delay. An `order` that alone is asked for takes half of the time.
 
     Raises
     ------

@@ -13,7 +13,13 @@ from flexarm_ident.diagnostics.excitation import FEW_VALUES
 from flexarm_ident.diagnostics.instability import is_unstable
 from flexarm_ident.diagnostics.quality import kinds
 from flexarm_ident.diagnostics.spectra import spectra
-from flexarm_ident.diagnostics.verdict import missed_shares, verdict
+from flexarm_ident.diagnostics.verdict import (
+    CROSS_VALIDATED,
+    ESTIMATION_DATA,
+    HELD_OUT,
+    missed_shares,
+    verdict,
+)
 from flexarm_ident.fitting.residuals import residual_correlations
 from flexarm_ident.fitting.validation import about_mean, fit_percent, relative_errors
 from flexarm_ident.records.data_warning import Grade
@@ -97,19 +103,19 @@ class Outcome:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Verdict on `model`: good, usable, poor or useless, its two figures and the next step."""
-        unseen = self._unseen_errors()
+        """Verdict on `model`: its level, its two figures and the next step."""
+        errors, validation = self._validated_errors()
         defects = [
             warning.code
             for warning in self.identification.data_warnings
-            # A loop is no defect that could be mended.
+            # A loop is not a defect that could be fixed.
             if warning.grade != Grade.INFORMATION and warning.code != FEEDBACK
         ]
         return verdict(
-            self.dmv_errors if unseen is None else unseen,
+            errors,
             missed_shares(self.records, [each.y for each in self.dmv]),
             self.records[0].outputs,
-            unseen=unseen is not None,
+            validation=validation,
             defects=[kinds()[code].title.lower() for code in defects],
             few_values=FEW_VALUES in defects,
             unstable=self._made_stable(),
@@ -143,18 +149,18 @@ class Outcome:
         raw = found.subspace.matrices(found.order)
         return is_unstable(raw.A, raw.C, self.records)
 
-    def _unseen_errors(self) -> FloatArray | None:
-        """Return the errors of `model` on data that were left out of its fit, if there are any."""
+    def _validated_errors(self) -> tuple[FloatArray, str]:
+        """Return errors of `model`, of data that were left out of its fit if there are any."""
         if self.fitted != self.samples:
-            return self._errors_behind_the_fit()
-        if self.cross_validation is None:
-            return None
-        # They are those of the full model; a reduced one is no better there than on all data.
-        return np.asarray(np.maximum(self.cross_validation.error, self.dmv_errors))
+            if self.samples == tuple(len(record) for record in self.records):
+                return self._held_out_errors(), HELD_OUT
+        elif self.cross_validation is not None:
+            # They are those of the full model; a reduced one is no better there than on all data.
+            worse = np.maximum(self.cross_validation.error, self.dmv_errors)
+            return np.asarray(worse), CROSS_VALIDATED
+        return self.dmv_errors, ESTIMATION_DATA
 
-    def _errors_behind_the_fit(self) -> FloatArray | None:
-        if self.samples != tuple(len(record) for record in self.records):
-            return None
+    def _held_out_errors(self) -> FloatArray:
         parts = [
             (record.y_measured[fitted:], each.y[fitted:])
             for record, fitted, each in zip(self.records, self.fitted, self.dmv, strict=True)

@@ -71,7 +71,7 @@ class Results:
             f"{outcome.verdict} {self.name}: order {order}"
             + (f" reduced to {states}" if states < order else "")
             + (" with dry friction" if outcome.friction else "")
-            + f", mean data matching error {self.dmv[-1]:.4f}, {elapsed_s:.1f} s"
+            + f", relative error {self.dmv[-1]:.4f} (DMV), {elapsed_s:.1f} s"
             + (f"; {outcome.identification.choice}" if outcome.identification.choice else "")
         )
 

@@ -137,4 +137,4 @@ class LoopNodes:
             ChangeState, f"{name}/change_state", request, _TRANSITION_S, again_s=math.inf
         )
         if not answer.success:
-            raise CallError(f"{name} refused the transition: its log tells why")
+            raise CallError(f"{name} refused the transition: see its log")

@@ -51,7 +51,7 @@ function furnish(hello) {
   const arm = isThesis ? new ArmView(hello, units, setpoints[0]) : new LinksView(hello, units, setpoints);
   if (!isThesis) {
     write(byId("arm_title"), hello.rig.name);
-    write(byId("recording"), "The record has set-points, law and gains with their changes.");
+    write(byId("recording"), "The record has set-points, control law and gains with their changes.");
   }
   const views = { arm, traces: new Traces(hello, ring, units) };
   byId("stop").disabled = !hello.hand;

@@ -8,8 +8,8 @@ import { figure } from "./numbers.js";
 const SAME_MODE = 0.02;
 const KINDS = {
   physical: "physical",
-  split: "one of neighbours at most",
-  noise: "of the noise",
+  split: "possibly a split pole",
+  noise: "possibly spurious",
   rare: "at few orders",
   damped: "strongly damped",
 };
@@ -38,7 +38,7 @@ export class ModelStage {
     this.#showModes();
     this.#showStabilisation();
     const outputs = [...data.outputs.map(title), "mean"];
-    fillTable(byId("dmv"), data.dmv.map((error, k) => [outputs[k], figure(error, 4)]));
+    fillTable(byId("dmv"), data.dmv.map((error, k) => [outputs[k], `${figure(100 * (1 - error), 1)} %`]));
     // It is of the model before, until the one of this model is written.
     byId("report").hidden = true;
     showCommand("model", data.command);

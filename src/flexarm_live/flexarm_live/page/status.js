@@ -6,7 +6,7 @@ import { figure } from "./numbers.js";
 const REASONS = {
   OFF: "the drive is off",
   READY: "waits for a commander",
-  DRIVING: "the law drives the arm",
+  DRIVING: "the controller drives the arm",
   STALE: "no fresh sample",
   FAULT: "the rig has a fault",
   STOPPED: "emergency stop, latched",

@@ -228,7 +228,7 @@ export class StepStage {
   async #until(isReached, usualS) {
     const deadline = performance.now() + 1000 * (LONGEST_WAIT * usualS + 2);
     while (!isReached()) {
-      if (performance.now() > deadline) throw new Error("step: the arm did not get there; does the law drive it?");
+      if (performance.now() > deadline) throw new Error("step: the arm did not get there; does the controller drive it?");
       await new Promise((resolve) => setTimeout(resolve, 30));
     }
   }
@@ -266,7 +266,7 @@ export class StepStage {
     const columns = [this.#former, this.#latest].map((step) => (step === null ? {} : worded(step)));
     fillTable(
       byId("step_figures"),
-      ["Law", "Gains", "Overshoot", "Settled to 5 %", "Error at the end", "Swing at the end"].map((name) => [name, ...columns.map((column) => column[name] ?? "–")]),
+      ["Control law", "Gains", "Overshoot", "Settling time (5 %)", "Error at the end", "Swing at the end"].map((name) => [name, ...columns.map((column) => column[name] ?? "–")]),
     );
   }
 }
@@ -275,10 +275,10 @@ function worded(step) {
   const { overshoot, settledS, error, swing } = stepFigures(step);
   const [unit, swingUnit] = step.units;
   return {
-    Law: step.law,
+    "Control law": step.law,
     Gains: step.gains,
     Overshoot: `${figure(100 * overshoot, 1)} %`,
-    "Settled to 5 %": settledS === null ? "not yet" : `${figure(settledS, 2)} s`,
+    "Settling time (5 %)": settledS === null ? "not yet" : `${figure(settledS, 2)} s`,
     "Error at the end": `${figure(error, 3)} ${unit}`,
     "Swing at the end": `${figure(swing, 3)} ${swingUnit} rms`,
   };

@@ -41,8 +41,8 @@ def test_quantity___number_with_or_without_unit___is_in_the_first_unit(
         ("1.5kg", "1.5 kg is not in the range 0 to 1 kg."),
         ("1.5", "1.5 kg is not in the range 0 to 1 kg."),
         ("-1g", "-1 g is not in the range 0 to 1000 g."),
-        ("nan", "nan is no finite number"),
-        ("1e999g", "1e999g is no finite number"),
+        ("nan", "nan is not a finite number"),
+        ("1e999g", "1e999g is not a finite number"),
         ("g", "'g' is no number: write one in kg"),
     ],
 )

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.terminal import (
-    error_table,
+    fit_table,
     friction_table,
     mode_table,
     progress_bar,
@@ -60,9 +60,9 @@ def test_mode_table___deviations___stand_by_their_frequencies() -> None:
     assert [row[0] for row in cells(found)] == ["0.62 s", "24.0 ± 2.0", "9.400 ± 0.050"]
 
 
-def test_error_table___errors___have_a_column_for_each_output() -> None:
-    rows = cells(error_table(["position_v"], [("data (DMV)", [0.25, 0.125])]))
-    assert rows == [("data (DMV)", "0.2500", "0.1250")]
+def test_fit_table___errors___are_fits_beside_the_mean_error() -> None:
+    rows = cells(fit_table(["position_v"], [("DMV", [0.25, 0.125])]))
+    assert rows == [("DMV", "75.0", "87.5", "0.1250")]
 
 
 def test_show_table___narrow_terminal___prints_every_name_whole(
@@ -71,13 +71,13 @@ def test_show_table___narrow_terminal___prints_every_name_whole(
     shown = io.StringIO()
     monkeypatch.setattr(terminal, "CONSOLE", Console(file=shown, width=40))
     names = [f"acceleration_of_the_wing_{number}" for number in range(5)]
-    terminal.show_table(error_table(names, [("data (DMV)", [0.25] * 6)]))
+    terminal.show_table(fit_table(names, [("DMV", [0.25] * 6)]))
     assert all(name in shown.getvalue() for name in names)
 
 
-def test_error_table___output_without_an_error___has_a_dash() -> None:
-    rows = cells(error_table(["position_v", "gauge_v"], [("data (DMV)", [0.25, nan, 0.25])]))
-    assert rows == [("data (DMV)", "0.2500", "-", "0.2500")]
+def test_fit_table___output_without_an_error___has_a_dash() -> None:
+    rows = cells(fit_table(["position_v", "gauge_v"], [("DMV", [0.25, nan, 0.25])]))
+    assert rows == [("DMV", "75.0", "-", "75.0", "0.2500")]
 
 
 def test_friction_table___levels___have_their_scatter_and_unit() -> None:
@@ -115,6 +115,15 @@ def test_progress_bar___without_a_terminal___prints_a_line_for_each_tenth(
     ]
 
 
+def test_progress___without_a_terminal___prints_a_line_for_each_stage(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with terminal.progress() as show:
+        for text, done in (("reading", 0.0), ("fit", 0.2), ("fit", 0.6), ("writing", 0.9)):
+            show(text, done)
+    assert capsys.readouterr().out.splitlines() == ["  reading", "  fit", "  writing"]
+
+
 def test_note___on_a_narrow_terminal___hangs_below_its_first_words(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -131,8 +140,8 @@ def test_note___on_a_narrow_terminal___hangs_below_its_first_words(
 def test_names_with_brackets___are_printed_as_they_are() -> None:
     with terminal.CONSOLE.capture() as shown:
         terminal.CONSOLE.print("order 4, results in out/run [a]")
-        rows = [("data (DMV)", [0.1, 0.2, 0.3])]
-        terminal.CONSOLE.print(error_table(["pos [/s]", "x_1 [mm]"], rows))
+        rows = [("DMV", [0.1, 0.2, 0.3])]
+        terminal.CONSOLE.print(fit_table(["pos [/s]", "x_1 [mm]"], rows))
         terminal.step("begin [bold]")
         terminal.marked("ok", "green", "  a [/red] name")
     for name in ("run [a]", "pos [/s]", "x_1 [mm]", "begin [bold]", "ok  a [/red] name"):

@@ -291,7 +291,7 @@ def test_reference___up_that_does_not_answer___is_told_beside_the_answer_of_the_
     up: Up, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def graph(_namespace: str, _do: object) -> None:
-        raise LaunchError("no controller was heard of")
+        raise LaunchError("no controller was found")
 
     monkeypatch.setattr("flexarm_bringup.graph.hand._through_graph", graph)
     up.silent = True
@@ -301,7 +301,7 @@ def test_reference___up_that_does_not_answer___is_told_beside_the_answer_of_the_
     assert said.startswith("no answer to reference")
     assert "`flexarm up` runs here" in said
     assert "may still be done" in said
-    assert "no controller was heard of" in said
+    assert "no controller was found" in said
     with pytest.raises(LaunchError, match="press the button at the rig"):
         told(remote.stop)
 

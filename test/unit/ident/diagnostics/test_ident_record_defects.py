@@ -259,7 +259,10 @@ def test_held_drive___third_of_the_record___is_named_with_its_rows(drive: str) -
     assert found["last_row"] == pytest.approx(4400, abs=200)
     # Before it are more rows than behind it.
     (text,) = [str(each) for each in drive_defects(answer(u, 16))]
-    assert f"leave those rows out (--to {DT_S * found['first_row']:.9g}s), or drive on" in text
+    assert (
+        f"leave those rows out (--to {DT_S * found['first_row']:.9g}s), or excite throughout"
+        in text
+    )
 
 
 @driven
@@ -348,7 +351,9 @@ def test_drive_that_was_stopped___is_called_so_and_no_change_of_the_law(share: f
     assert not list(changes(data))
     (stop,) = drive_defects(data)
     assert stop.figures["first_row"] == row + 1
-    words = r"the drive is at zero from .* to the end, .* % of the record, as after a stop: leave"
+    words = (
+        r"the input is idle at zero from .* to the end, .* % of the record, as after a stop: leave"
+    )
     assert re.match(words, stop.text)
 
 

@@ -7,7 +7,14 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData
-from flexarm_ident.diagnostics.verdict import Level, missed_shares, verdict
+from flexarm_ident.diagnostics.verdict import (
+    CROSS_VALIDATED,
+    ESTIMATION_DATA,
+    HELD_OUT,
+    Level,
+    missed_shares,
+    verdict,
+)
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
@@ -15,9 +22,11 @@ from support.ident_systems import DT_S, arm_model, random_model, record, square_
 NAMES = ("position", "strain", "speed", "tip")
 
 
-def judged(*errors: float, missed: float = 0.5, unseen: bool = True) -> tuple[str, str]:
+def judged(
+    *errors: float, missed: float = 0.5, validation: str = CROSS_VALIDATED
+) -> tuple[str, str]:
     shares = np.full(len(errors), missed)
-    found = verdict(np.array(errors), shares, NAMES[: len(errors)], unseen=unseen)
+    found = verdict(np.array(errors), shares, NAMES[: len(errors)], validation=validation)
     return str(found.level), str(found)
 
 
@@ -29,8 +38,8 @@ def judged(*errors: float, missed: float = 0.5, unseen: bool = True) -> tuple[st
         ((0.21,), "usable"),
         ((0.5, 0.5), "usable"),
         ((0.6,), "poor"),
-        ((0.91,), "useless"),
-        ((np.inf,), "useless"),
+        ((0.91,), "not usable"),
+        ((np.inf,), "not usable"),
         # The worst output may be a level worse than the mean, not two.
         ((0.01, 0.01, 0.01, 0.45), "good"),
         ((0.01, 0.01, 0.01, 0.6), "usable"),
@@ -47,34 +56,38 @@ def test_verdict___error_that_follows_no_input___is_as_good_as_the_record_allows
     assert judged(0.6, missed=0.1)[0] == "usable"
     assert judged(0.6, missed=0.12)[0] == "poor"
     # Nothing is to be told from a record that shows nothing.
-    assert judged(1.0, missed=0.0)[0] == "useless"
+    assert judged(1.0, missed=0.0)[0] == "not usable"
     # Noise is as large as the output at most: what is larger was made by the model.
     assert judged(0.6, 1.1, missed=0.01)[0] == "poor"
 
 
-def test_verdict___model_worse_than_a_line_at_zero___is_useless_in_its_first_words() -> None:
+def test_verdict___model_worse_than_the_mean___is_not_usable_in_its_first_words() -> None:
     text = judged(1.97, 0.8, missed=0.9)[1]
-    assert text.startswith("useless, worse than the mean: error 1.39 in free simulation of ")
-    assert "(worst 1.97, position; the mean has 1), 90 % of the error's power follows" in text
-    assert text.endswith(
-        "Next: try another method, a higher order, feedthrough or friction, as the inputs tell "
-        "more than the model."
-    )
+    assert text.startswith("not usable, worse than the mean: fit -38.5 % (NRMSE, simulation, ")
+    # The error is (1.97 + 0.8) / 2.
+    assert "cross-validated; lowest -97.0 %, position); 90 % of the residual power is" in text
+    assert "(could be removed by a better linear model). Next: try another method" in text
 
 
 def test_verdict___unknown_share___is_not_told() -> None:
-    text = judged(0.3, missed=np.nan, unseen=False)[1]
-    assert text.startswith("usable: error 0.3 in free simulation of the fitted data (worst")
-    assert "follows the inputs" not in text
+    text = judged(0.3, missed=np.nan, validation=ESTIMATION_DATA)[1]
+    assert text.startswith("usable: fit 70.0 % (NRMSE, simulation, estimation data). Next: ")
+    assert "coherent" not in text
 
 
 def test_verdict___defects___are_the_next_step() -> None:
     found = verdict(
-        np.array([0.95]), np.array([0.9]), ("y",), unseen=True, defects=("delay", "delay")
+        np.array([0.95]),
+        np.array([0.9]),
+        ("y",),
+        validation=CROSS_VALIDATED,
+        defects=("delay", "delay"),
     )
-    assert found.next_step == "mend the data first (delay), see the notes"
-    good = verdict(np.array([0.1]), np.array([0.9]), ("y",), unseen=True, defects=("offset",))
-    assert good.next_step == "use it, but mind the data (offset), see the notes"
+    assert found.next_step == "fix the data (delay), see the notes"
+    good = verdict(
+        np.array([0.1]), np.array([0.9]), ("y",), validation=CROSS_VALIDATED, defects=("offset",)
+    )
+    assert good.next_step == "use the model, but check the data (offset), see the notes"
 
 
 def test_verdict___few_values___is_never_good() -> None:
@@ -82,16 +95,18 @@ def test_verdict___few_values___is_never_good() -> None:
         np.array([0.01]),
         np.array([0.0]),
         ("y",),
-        unseen=True,
+        validation=CROSS_VALIDATED,
         defects=("few values",),
         few_values=True,
     )
     assert found.level == Level.USABLE
-    assert found.next_step == "mend the data first (few values), see the notes"
+    assert found.next_step == "fix the data (few values), see the notes"
 
 
 def test_verdict___outputs_missed_by_different_parts___share_is_joined_by_power() -> None:
-    found = verdict(np.array([0.3, 0.1]), np.array([1.0, 0.0]), ("a", "b"), unseen=True)
+    found = verdict(
+        np.array([0.3, 0.1]), np.array([1.0, 0.0]), ("a", "b"), validation=CROSS_VALIDATED
+    )
     # 0.3**2 / (0.3**2 + 0.1**2); by amplitude it would be 0.75, without weights 0.5.
     assert found.missed == pytest.approx(0.9)
 
@@ -142,15 +157,15 @@ def test_missed_shares___simulation_that_runs_away___is_judged_where_it_is_finit
     assert np.all(np.isfinite(missed_shares([data], [wild])))
 
 
-@pytest.mark.parametrize(("fraction", "unseen"), [(1.0, True), (0.5, True)])
+@pytest.mark.parametrize(("fraction", "validation"), [(1.0, CROSS_VALIDATED), (0.5, HELD_OUT)])
 def test_outcome___noisy_record___is_judged_on_data_left_out(
-    fraction: float, *, unseen: bool
+    fraction: float, validation: str
 ) -> None:
     data = record(random_model(6), 4000, 6, noise=0.1)
     outcome = run(data, Request(order=5, block_rows=10, method="orse", train_fraction=fraction))
     # The noise alone makes the error 0.1 / sqrt(1.01).
     assert outcome.verdict.error == pytest.approx(0.0995, rel=0.05)
-    assert outcome.verdict.unseen is unseen
+    assert outcome.verdict.validation == validation
     assert outcome.verdict.level == Level.GOOD
     assert outcome.verdict.missed < 0.05
 
@@ -167,16 +182,16 @@ def test_outcome___half_of_the_record_is_another_plant___error_is_that_of_the_ha
         Request(order=5, block_rows=10, method="orse", train_fraction=0.5, bias="none"),
     )
     assert outcome.verdict.error == pytest.approx(2.0, rel=0.02)
-    assert str(outcome.verdict).startswith("useless, worse than the mean: ")
+    assert str(outcome.verdict).startswith("not usable, worse than the mean: ")
 
 
-def test_outcome___input_delayed_by_60_samples___is_useless_for_the_delay() -> None:
+def test_outcome___input_delayed_by_60_samples___is_not_usable_for_the_delay() -> None:
     u = square_wave(6000, 8)
     y = step_by_step(arm_model(), np.vstack([np.zeros((60, 1)), u[:-60]]))
     y += 0.02 * y.std(axis=0) * np.random.default_rng(8).normal(size=y.shape)
     outcome = run(IoData(u, y, dt_s=DT_S), Request(order=9, block_rows=20, method="orse"))
     assert outcome.verdict.level >= Level.POOR
-    assert "mend the data first (delay)" in str(outcome.verdict)
+    assert "fix the data (delay)" in str(outcome.verdict)
 
 
 @pytest.mark.parametrize("offset", [1.0, 6.0, 10.0])

@@ -184,7 +184,7 @@ def test_auto___any_record___simulates_no_worse_than_the_order_by_one_step_error
     auto = identify(data, method="auto")
     named = identify(data, method=auto.method)
     assert auto.fit_error.mean() <= 1.001 * named.fit_error.mean()
-    assert "in free simulation" in auto.choice
+    assert "in simulation" in auto.choice
 
 
 def test_auto___outputs_in_other_units___chooses_the_same() -> None:

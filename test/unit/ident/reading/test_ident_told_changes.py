@@ -174,8 +174,8 @@ def test_law___replaced_or_with_another_gain___is_told(tmp_path: Path) -> None:
     ]
 
     assert warnings(record(tmp_path / "run", *told)) == [
-        ("plant_changed", "the law was changed in pd.kp at 0.2 s (row 100)"),
-        ("plant_changed", "the law was changed to pi at 0.5 s (row 250)"),
+        ("plant_changed", "the controller was changed in pd.kp at 0.2 s (row 100)"),
+        ("plant_changed", "the controller was changed to pi at 0.5 s (row 250)"),
     ]
 
 

@@ -112,7 +112,7 @@ def test_render_report___outcome___begins_with_a_card(outcome: Outcome, text: st
     assert card.startswith(f'{outcome.verdict.level}">')
     words = " ".join(unescape(re.sub("<[^>]*>", " ", card)).split())
     assert f"The model is {outcome.verdict.level}" in words
-    assert f"{100.0 * outcome.verdict.error:.1f} %" in words
+    assert f"{100.0 * (1.0 - outcome.verdict.error):.1f} %" in words
     assert outcome.verdict.next_step[1:] in words
     assert "flexible arm" in words
     assert "9 states" in words
@@ -143,7 +143,7 @@ def test_render_report___outcome___has_a_plot_per_output_and_kind(
     shapes = sum(mode.kept and mode.is_pair for mode in outcome.modes)
     assert shapes > 0
     assert views_of(text) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 2 + 2 * 2)
-    galleries = ["Residuals", "Data matching", "Set-point following", "Frequency response"]
+    galleries = ["Residuals", "Simulation", "Closed-loop simulation", "Frequency response"]
     for words in (*galleries, "Mode shapes", "Poles"):
         assert f"<h2>{words}</h2>" in text
 
@@ -170,7 +170,7 @@ def test_render_report___outcome___lists_every_mode(outcome: Outcome, text: str)
 
 def test_render_report___outcome___lists_every_error(outcome: Outcome, text: str) -> None:
     assert outcome.sfv is not None
-    table = text.split("<h2>Errors</h2>")[1].split("</table>", maxsplit=1)[0]
+    table = text.split("<h2>Fit and errors</h2>")[1].split("</table>", maxsplit=1)[0]
     rows = [re.findall("<td>(.*?)</td>", row) for row in table.split("</tr>")][1:-1]
     found = np.array(rows, dtype=float)
     measured = outcome.records[0].y
@@ -181,10 +181,10 @@ def test_render_report___outcome___lists_every_error(outcome: Outcome, text: str
     ]
     deltas.insert(1, outcome.cross_validation.error)
     columns = [[*delta, delta.mean()] for delta in deltas]
-    np.testing.assert_allclose(found[:, :-1], np.transpose(columns), atol=5.1e-5)
+    np.testing.assert_allclose(found[:, 1:], np.transpose(columns), atol=5.1e-5)
     missed = ((measured - outcome.dmv[0].y) ** 2).sum(axis=0)
     fit = 100.0 * (1.0 - np.sqrt(missed / (len(measured) * measured.var(axis=0))))
-    np.testing.assert_allclose(found[:, -1], [*fit, fit.mean()], atol=0.051)
+    np.testing.assert_allclose(found[:, 0], [*fit, fit.mean()], atol=0.051)
 
 
 def test_render_report___outcome___tells_data_order_and_origin(outcome: Outcome, text: str) -> None:
@@ -228,7 +228,7 @@ def test_render_report___several_inputs_outputs_and_records___shows_three_record
     assert "From u0 to each output." in page.text
     assert "From u1 to each output." in page.text
     assert "The model was not reduced." in page.text
-    assert "Set-point following" not in re.findall("<h2>(.*?)</h2>", text)
+    assert "Closed-loop simulation" not in re.findall("<h2>(.*?)</h2>", text)
     assert 'class="marked"' not in text.split("<h2>Modes</h2>")[1].split("</table>", maxsplit=1)[0]
 
 
@@ -241,7 +241,7 @@ def test_render_report___simulation_that_runs_away___is_still_drawn(small: Outco
     text = rendered(replace(small, dmv=(dmv,), dmv_errors=delta))
     page = Page(text)
     assert "δ = ∞" in page.text
-    assert "it misses the outputs by more than can be told" in page.text
+    assert "has a fit of -∞ %" in page.text
     assert not re.search(r' d="[^"]*(nan|inf|e\+)', text)
 
 
@@ -326,7 +326,7 @@ def test_render_report___flawed_data___lists_checks_with_figures() -> None:
     found = words.split("Duplicated channel")[1]
     assert found.strip().startswith("a, y1 ")
     assert "correlation 1" in found.split("Offset")[0]
-    assert "Saturation nothing found" in words
+    assert "Saturation" in words.split("checks pass")[1]
 
 
 def test_render_report___notes___stand_by_their_grade(text: str, outcome: Outcome) -> None:

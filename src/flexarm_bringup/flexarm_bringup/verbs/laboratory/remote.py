@@ -30,7 +30,7 @@ _TOPIC = "topic"
 
 @click.command()
 @ARM
-@click.option("--all", "everything", is_flag=True, help="Every arm that is heard of.")
+@click.option("--all", "everything", is_flag=True, help="Every arm that is found.")
 @examples("stop", "stop --namespace arm2", "stop --all")
 def stop(*, namespace: str, everything: bool) -> None:
     """Stop the drive until the DAQ node is deactivated.

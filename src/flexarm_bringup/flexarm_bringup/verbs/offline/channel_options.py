@@ -49,7 +49,7 @@ _OPTIONS = (
         "--held/--interpolated",
         default=True,
         show_default=True,
-        help="Each input acts until the next one, or is measured and runs on lines between.",
+        help="Input hold: zero-order (commands) or first-order (measured).",
     ),
     click.option(
         "--from",

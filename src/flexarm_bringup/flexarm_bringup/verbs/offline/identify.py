@@ -10,6 +10,7 @@ from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
@@ -24,6 +25,7 @@ from flexarm_ident import job
 from flexarm_ident.diagnostics.verdict import Level
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.records.preprocess import BIASES
+from flexarm_ident.report.summary import headline
 from flexarm_ident.subspace.methods import AUTO, METHODS
 from flexarm_ident.workflow.request import FEEDTHROUGH, REDUCTIONS, UPDATES, Request
 
@@ -80,7 +82,7 @@ _REQUEST_OPTIONS = (
         type=click.Choice(BIASES),
         default="rest",
         show_default=True,
-        help="Level subtracted from outputs: that of the rest at the start, first sample, or mean.",
+        help="Offset removed from the outputs: mean of the initial rest, first sample, or mean.",
     ),
     click.option(
         "--cutoff",
@@ -266,8 +268,7 @@ def identify(
             progress=show,
         )
     replaced = f", in place of those of {former}" if former not in {"", results.name} else ""
-    _show(results, f"results in {out}{replaced}")
-    terminal.next_step(_after(results, out))
+    _show(results, f"results in {out}{replaced}", as_called(_after(results, out)))
 
 
 @click.command(context_settings={"default_map": {"reduction": "mrm", "update": "b"}})
@@ -337,27 +338,31 @@ def report(
             force=force,
             progress=show,
         )
-    _show(results, f"report in {out}")
+    _show(results, f"report in {out}", "")
 
 
-def _show(results: Results, written: str) -> None:
-    """Print verdict, modes, errors and warnings of a model, and what was written."""
-    terminal.step(f"{results.outcome.verdict}")
+def _show(results: Results, written: str, command: str) -> None:
+    """Print verdict, next step, modes, fits and warnings of a model, and what was written."""
+    outcome = results.outcome
+    terminal.step(headline(outcome))
+    if outcome.verdict.coherence:
+        terminal.note(outcome.verdict.coherence)
+    terminal.step(f"Next: {outcome.verdict.next_step}{f': {command}' if command else ''}")
     terminal.show_model(
         terminal.ShownModel(
-            modes=results.outcome.modes,
+            modes=outcome.modes,
             frequency_std_hz=results.frequency_std_hz,
-            outputs=results.outcome.records[0].outputs,
+            outputs=outcome.records[0].outputs,
             dmv=results.dmv,
             left_out=results.left_out,
             sfv=results.sfv,
             parameters=results.parameters,
-            warnings=results.outcome.warnings,
+            warnings=outcome.warnings,
         )
     )
-    if choice := results.outcome.identification.choice:
+    if choice := outcome.identification.choice:
         terminal.note(f"method: {choice}")
-    terminal.CONSOLE.print(f"order {results.outcome.model.nstates}, {written}")
+    terminal.CONSOLE.print(f"{written}")
 
 
 def _after(results: Results, out: Path) -> str:

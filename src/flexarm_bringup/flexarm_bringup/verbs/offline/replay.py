@@ -49,7 +49,7 @@ def replay(bag: Path, tolerance_v: float, topic: str | None) -> None:
         raise BagError(f"{bag}: {error}") from error
     if not outcome.compared:
         raise BagError(
-            f"{bag}: no command can be compared: none comes after a law that was told, with its "
+            f"{bag}: no command can be compared: none comes after a recorded control law, with its "
             "sample and all commands between them"
         )
     for line in (f"{bag}: {_verdict(outcome, tolerance_v)}", *_details(outcome)):
@@ -73,7 +73,7 @@ def _details(outcome: Replay) -> Iterator[str]:
     """Yield changes, differences and what was not compared, one line each."""
     if left := outcome.commands - outcome.compared:
         yield (
-            f"  not compared: {left} commands before the first law that was told, or after a "
+            f"  not compared: {left} commands before the first recorded control law, or after a "
             "sample or command that is not in the bag"
         )
     for change in outcome.changes:

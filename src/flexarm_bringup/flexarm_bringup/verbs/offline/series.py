@@ -10,7 +10,7 @@ from rich.table import Table
 from flexarm_bringup.console import terminal
 from flexarm_core.labels import counted
 from flexarm_ident.series.run import PAGE_FILE, TABLE_FILE, identify_each
-from flexarm_ident.series.trend import FIGURES
+from flexarm_ident.series.trend import figures
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,11 +62,11 @@ def model_each(
 
 
 def _table(rows: Sequence[Row]) -> Table:
-    table = Table("bag", "verdict", "order", "error", "left out", "main modes Hz", box=None)
+    table = Table("bag", "verdict", "order", "fit, %", "5-fold CV, %", "main modes Hz", box=None)
     for row in rows:
         table.add_row(
             row.bag,
-            *(row.cells.get(name, "") for name in FIGURES),
+            *figures(row),
             ", ".join(f"{hz:.4g}" for hz, _ in row.main_modes()),
         )
     return table

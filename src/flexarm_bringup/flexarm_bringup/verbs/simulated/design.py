@@ -49,11 +49,11 @@ _RUNS_AS = {"ilqr": "ilqr", "lqg": "lqg", "pdp": "pdpc"}
 # A step is clearly earlier when it takes less than two thirds of the time of another one.
 _EARLIER = 1.5
 _DOUBT = (
-    "the model calls the loop of the packaged law unstable, and that law held the arm: the model "
-    "is wrong somewhere, so take its margins with care, and a law by the steps"
+    "the packaged controller is unstable on this model, but it held the arm: the model is wrong "
+    "somewhere; its margins are doubtful, so choose a controller by the steps"
 )
 _EARLIER_STEP = (
-    "the packaged law was there and calm much earlier, and its margins suffice: take that one. The "
+    "the packaged controller settled much earlier, and its margins suffice: take that one. The "
     "criterion of the design knows no friction (docs/control.md)"
 )
 

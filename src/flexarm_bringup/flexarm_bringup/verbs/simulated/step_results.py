@@ -51,7 +51,8 @@ class ControlledStep(NamedTuple):
         return (
             f"mean error over the last 2 s {figures.mean_error_v:+.4f} V, "
             f"overshoot {100 * figures.overshoot:.1f} %, "
-            f"settled after {_shown(figures.settling_s)}, calm after {_shown(self.calm_s)}"
+            f"settling time (5 %) {_shown(figures.settling_s)}, "
+            f"residual vibration settled after {_shown(self.calm_s)}"
         )
 
     @property
@@ -77,8 +78,9 @@ class ControlledStep(NamedTuple):
             f"{title}, step to {SET_POINT_V:g} V. "
             f"Mean error over the last 2 s {figures.mean_error_v:+.4f} V, "
             f"overshoot {100 * figures.overshoot:.1f} %, "
-            f"within 5 % after {_shown(figures.settling_s)}, "
-            f"strain at the base below a tenth of its peak after {_shown(self.calm_s)}."
+            f"settling time (5 %) {_shown(figures.settling_s)}, "
+            f"residual vibration (base strain below a tenth of its peak) settled after "
+            f"{_shown(self.calm_s)}."
         )
         set_point_v = np.full(len(data), SET_POINT_V)
         plot = step_plot(_time_s(data), data.y, set_point_v, data.u[:, 0])

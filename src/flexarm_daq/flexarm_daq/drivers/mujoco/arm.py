@@ -143,7 +143,7 @@ class MujocoArm:
         Raises
         ------
         RigError
-            If a state is no finite number.
+            If a state is not a finite number.
         """
         self._mujoco.mj_step(self.model, self.data, steps)
         self._steps += steps

@@ -25,7 +25,7 @@ def error_text(delta: float) -> str:
 
 def percent(error: float) -> str:
     """Return an error in percent."""
-    return f"{100.0 * error:.1f} %" if math.isfinite(error) else "more than can be told"
+    return f"{100.0 * error:.1f} %" if math.isfinite(error) else "∞"
 
 
 def listed(words: Sequence[str]) -> str:

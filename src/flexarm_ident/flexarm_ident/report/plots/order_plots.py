@@ -108,7 +108,7 @@ def stabilisation_plot(
         found.append(marks.between(edges_hz, y.low, y.high, marks.BAND, "physical mode"))
     if split:
         split_hz = [mode.frequency_hz for mode in split]
-        found.append(marks.verticals(split_hz, y, marks.DASHED, "one of these at most"))
+        found.append(marks.verticals(split_hz, y, marks.DASHED, "possibly a split pole"))
     if known_modes_hz:
         found.append(marks.verticals(known_modes_hz, y, marks.RULE, "known modes"))
     unlike = [pole for pole in seen if pole.admissible and not pole.stable]
@@ -121,7 +121,7 @@ def stabilisation_plot(
         found.append(marks.horizontals([order], x, marks.CUT, f"order {order}"))
     words = f"stabilisation diagram, physical modes: {_listed_hz(physical) or 'none'}"
     if split:
-        words += f"; one of these at most: {_listed_hz(split)}"
+        words += f"; possibly a split pole: {_listed_hz(split)}"
     return chart(View(words, x, [Panel(y, found, _SIZE)]))
 
 
@@ -151,7 +151,7 @@ def _places(poles: Sequence[Pole]) -> tuple[list[float], list[int]]:
 
 
 def cost_plot(curves: Mapping[str, Sequence[tuple[int, float]]], *, full: float, order: int) -> str:
-    """Plot the mean error of data matching over the order of the reduced model.
+    """Plot the mean error of the simulation over the order of the reduced model.
 
     Errors of more than 1.5 are drawn at 1.5; 1 is that of the mean.
 

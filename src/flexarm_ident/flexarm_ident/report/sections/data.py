@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 _LOOPS = {True: "closed", False: "open", None: "unknown"}
 _BIASES = {
-    "rest": "The level at rest is subtracted from the outputs, and the mean from strain.",
-    "first": "The first sample is subtracted from the outputs, and the mean from strain.",
-    "mean": "The mean is subtracted from the outputs.",
-    "none": "The outputs keep their levels; the mean is subtracted from strain.",
+    "rest": "Offset removed from the outputs: the mean of the initial rest (of strain, the mean).",
+    "first": "Offset removed from the outputs: the first sample (of strain, the mean).",
+    "mean": "Offset removed from the outputs: the mean.",
+    "none": "Offset removed from strain alone: the mean.",
 }
 
 

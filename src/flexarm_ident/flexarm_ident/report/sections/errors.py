@@ -1,4 +1,4 @@
-"""Errors section: errors of the model by output."""
+"""Fit section: fit and relative errors of the model by output."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 _SFV = (
-    "SFV, set-point following: the model gets the recorded set-point through the control law of "
-    "the experiment. "
+    "SFV is the closed-loop simulation: the controller of the experiment drives the model with the "
+    "recorded set-point. "
 )
-_LEFT_OUT = (
-    "Left out: each fifth of the fitted data is simulated by a model of the same estimator and "
-    "order that was fitted to the others; a fit that follows noise has a larger error there. "
+_CROSS_VALIDATION = (
+    "5-fold cross-validation: a model of the same estimator and order is fitted to four fifths of "
+    "the data and simulates the other fifth. An overfitted model has a larger error there. "
 )
 
 
@@ -33,17 +33,16 @@ def _build(subject: Subject) -> Iterator[Block]:
     outcome = subject.outcome
     yield _errors(outcome)
     yield Words(
-        "The error δ is the RMS of measured minus simulated output, divided by the RMS of the "
-        "measured output about its mean. 0 is a perfect model; 1 is no better than the mean. "
-        "DMV, data matching: the model gets the measured input. "
+        "The fit is 100 (1 - NRMSE), of the simulation with the measured input (DMV): 100 % is a "
+        "perfect model, 0 % is no better than the mean. The relative error δ (2-25) is the RMS of "
+        "measured minus simulated output, divided by the RMS of the measured output about its "
+        "mean. DMV is the simulation with the measured input. "
         + (_SFV if outcome.sfv is not None else "")
-        + (_LEFT_OUT if outcome.cross_validation is not None else "")
-        + "Fit: of the simulation for DMV, 100 (1 - NRMSE) with the output's mean removed, so that "
-        "100 is a perfect model and 0 one that gives the mean."
+        + (_CROSS_VALIDATION if outcome.cross_validation is not None else "")
     )
 
 
-SECTION = Section(70, "Errors", _build)
+SECTION = Section(70, "Fit and errors", _build)
 
 
 def _errors(outcome: Outcome) -> Table:
@@ -52,7 +51,7 @@ def _errors(outcome: Outcome) -> Table:
     if outcome.reduction:
         columns.append(("Full, DMV", outcome.full_dmv_errors))
     if outcome.cross_validation is not None:
-        columns.append(("Full, left out", outcome.cross_validation.error))
+        columns.append(("Full, 5-fold CV", outcome.cross_validation.error))
     name = "Reduced" if outcome.reduction else "Full"
     columns.append((f"{name}, DMV", outcome.dmv_errors))
     if outcome.sfv is not None:
@@ -61,16 +60,16 @@ def _errors(outcome: Outcome) -> Table:
     rows = [
         (
             label_and_unit(output)[0],
-            *(error_text(delta[i]) for _, delta in columns),
             _fit_text(float(fit[i])),
+            *(error_text(delta[i]) for _, delta in columns),
         )
         for i, output in enumerate(outcome.records[0].outputs)
     ]
     means = (error_text(mean_error(delta)) for _, delta in columns)
-    rows.append(("mean", *means, _fit_text(mean_error(fit))))
-    header = ("Output", *(title for title, _ in columns), "Fit, %")
+    rows.append(("mean", _fit_text(mean_error(fit)), *means))
+    header = ("Output", "Fit, %", *(title for title, _ in columns))
     marked = (*(False for _ in rows[1:]), True)
-    return Table("errors", "Errors of the outputs", header, tuple(rows), marked)
+    return Table("errors", "Fit and relative errors δ of the outputs", header, tuple(rows), marked)
 
 
 def _fit_text(fit: float) -> str:

@@ -1,4 +1,4 @@
-"""Set-point following section: outputs of the model under the control law of the experiment."""
+"""Closed-loop section: outputs of the model under the controller of the experiment."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ def _build(subject: Subject) -> Iterator[Block]:
         return
     gains, first = outcome.sfv.gains, outcome.records[0]
     yield Words(
-        f"{short_labels(outcome.records)[first.label]}: the model follows the recorded set-point "
-        f"under the law of the experiment, kp = {gains.kp:.3f}, kd = {gains.kd:.3f}, "
+        f"{short_labels(outcome.records)[first.label]}: the controller of the experiment drives "
+        f"the model with the recorded set-point, kp = {gains.kp:.3f}, kd = {gains.kd:.3f}, "
         f"ksg = {abs(gains.ksg):.3f}."
     )
     yield match_gallery(outcome, 0, outcome.sfv.y, outcome.sfv.error)
 
 
 SECTION = Section(
-    90, "Set-point following", _build, lambda subject: subject.outcome.sfv is not None
+    90, "Closed-loop simulation", _build, lambda subject: subject.outcome.sfv is not None
 )

@@ -26,11 +26,11 @@ def _build(subject: Subject) -> Iterator[Block]:
     if friction is not None:
         yield _fitted(subject.outcome, friction)
         yield Words(
-            "The levels were fitted together with the model, by free simulation. The model moves "
+            "The levels were fitted together with the model, by simulation error. The model moves "
             "under the input less friction and offset; the friction follows from its own speeds. "
             "± is the standard deviation, from the residuals and their correlation in time, or "
             "more where levels further away simulate the records equally well. What the friction "
-            "depends on was told by halves of the records that were left out of the fit."
+            "depends on was chosen by cross-validation on halves of the records."
         )
     elif coulomb is not None:
         yield _estimated(coulomb)

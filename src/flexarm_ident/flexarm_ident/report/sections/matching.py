@@ -1,4 +1,4 @@
-"""Data matching section: outputs of the model under the measured input."""
+"""Simulation section: outputs of the model under the measured input."""
 
 from __future__ import annotations
 
@@ -29,4 +29,4 @@ def _build(subject: Subject) -> Iterator[Block]:
         yield match_gallery(outcome, number, outcome.dmv[number].y, outcome.dmv[number].error)
 
 
-SECTION = Section(80, "Data matching", _build)
+SECTION = Section(80, "Simulation", _build)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
 
 
-_TOLD = {PHYSICAL: "yes", SPLIT: "one of these at most", NOISE: "no"}
+_TOLD = {PHYSICAL: "yes", SPLIT: "possibly a split pole", NOISE: "no"}
 _FREQUENCY_DIGITS, _DAMPING_DECIMALS = 4, 4
 
 
@@ -51,11 +51,11 @@ def _build(subject: Subject) -> Iterator[Block]:
         yield Words("No mode recurs at enough orders to count as a mode of the plant.")
         return
     yield Words(
-        "These modes recur over the orders. Those that also answer the recorded inputs and stay at "
-        "their places are marked: they are taken for the plant's. The others belong to a steady "
-        "disturbance, such as the mains, or to noise. The weight is the mean response (MRM), 1 for "
-        "the strongest vibration, and 0.02 at least for a mode of the plant. The scatter is that "
-        "of models of different orders from the same data, and no standard deviation of the mode."
+        "These modes recur over the orders. Those that also answer the recorded inputs and stay "
+        "at their places are marked as physical. The others belong to a steady disturbance, such "
+        "as the mains, or to noise. The weight is the mean response (MRM), 1 for the strongest "
+        "lightly damped mode, and 0.02 at least for a physical mode. The scatter is that of "
+        "models of different orders from the same data, not a standard deviation of the mode."
     )
     judged = found.recurring_modes
     yield from map(Words, pair_words(judged))
@@ -91,8 +91,7 @@ def pair_words(judged: Sequence[JudgedMode]) -> list[str]:
     """Return a warning for each group of `near_modes`."""
     return [
         f"{listed([_told_hz(each) for each in group])} Hz stand less than {100.0 * NEAR:g} % "
-        "apart. Such neighbours are mostly one mode that high orders split: at most one of them is "
-        "the plant's, unless it is known to have close modes."
+        "apart. Their shapes are alike (MAC), or they scatter as widely: possibly a split pole."
         for group in near_modes(judged)
     ]
 

@@ -58,7 +58,7 @@ def _costs(outcome: Outcome, order: int) -> Iterator[Block]:
     yield _table(outcome, steps)
     yield Words(
         "Cut: only the kept modes, as they are in the full model. B or C refitted: that matrix was "
-        "fitted again to the data, (3-11) or (3-19). Errors are of data matching over the whole "
+        "fitted again to the data, (3-11) or (3-19). Errors are of the simulation over the whole "
         "records, driven by the input that moves the linear model. The marked row is the model."
     )
     orders = np.unique(np.linspace(_LOWEST_ORDER, found.order, _ORDERS_SHOWN).round().astype(int))

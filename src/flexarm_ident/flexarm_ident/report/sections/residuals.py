@@ -30,8 +30,8 @@ def _build(subject: Subject) -> Iterator[Block]:
     yield _shares(outcome)
     if outcome.spectra is not None:
         yield Words(
-            "The coherent output is the share of an output's power that follows the inputs at the "
-            "same frequency, by averaged spectra of short segments. It is no grade of the model: "
+            "The coherent output is the share of an output's power that is coherent with the "
+            "inputs, by averaged spectra of short segments. It is no grade of the model: "
             "it falls where the inputs have power at few frequencies, and where an output drifts "
             "over longer times than a segment, as an integrator does, while the fit stays high."
         )

@@ -196,4 +196,12 @@
   }
 
   document.querySelectorAll(".view").forEach(watch);
+
+  // All plots below each other make a page of twenty screens on a telephone.
+  const sections = document.querySelectorAll("section > details"), unfold = (each) => { each.open = true; };
+  const unfoldTarget = () => document.getElementById(location.hash.slice(1))?.querySelectorAll("details").forEach(unfold);
+  if (matchMedia("(max-width: 30rem)").matches) sections.forEach((each) => { each.open = false; });
+  unfoldTarget();
+  addEventListener("hashchange", unfoldTarget);
+  addEventListener("beforeprint", () => sections.forEach(unfold));
 })();

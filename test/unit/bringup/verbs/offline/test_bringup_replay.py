@@ -104,7 +104,7 @@ def test_replay___commands_before_the_law_was_told___are_counted(tmp_path: Path)
 
     assert result.exit_code == 0
     assert "40 samples, 30 commands: equal to the bit" in result.output
-    assert "  not compared: 10 commands before the first law" in result.output
+    assert "  not compared: 10 commands before the first recorded control law" in result.output
 
 
 def test_replay___without_a_command_that_can_be_compared___is_refused(tmp_path: Path) -> None:

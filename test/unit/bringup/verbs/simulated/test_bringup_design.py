@@ -16,7 +16,7 @@ UNSTABLE = margins(MODEL, PdpGains(kp=5.0, kd=0.1, ksg=0.01))
 def test_model_that_calls_a_law_unstable_which_has_settled___is_doubted() -> None:
     assert not UNSTABLE.stable
     (told,) = remarks(UNSTABLE, packaged_s=1.0, designed_s=1.0)
-    assert "the model calls the loop of the packaged law unstable" in told
+    assert "the packaged controller is unstable on this model" in told
     assert remarks(UNSTABLE, packaged_s=inf, designed_s=1.0) == []
 
 
@@ -25,7 +25,7 @@ def test_packaged_law_that_settles_much_earlier___is_advised_where_its_margins_s
     assert AMPLE.phase_margin_deg > 55.0
     for designed_s in (2.0, inf):
         (told,) = remarks(AMPLE, packaged_s=1.0, designed_s=designed_s)
-        assert "the packaged law was there and calm much earlier" in told
+        assert "the packaged controller settled much earlier" in told
     assert remarks(AMPLE, packaged_s=1.0, designed_s=1.2) == []
     assert SMALL.stable
     assert SMALL.gain_margin_db < 10.0
