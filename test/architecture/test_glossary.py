@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import TYPE_CHECKING
 
 import pytest
@@ -44,13 +45,16 @@ REPLACED = {
 }
 
 
-def read_by_users() -> Iterator[Path]:
-    """Yield the files of sources, pages and examples, without the thesis's own words."""
-    yield PROJECT / "README.md"
-    for folder in ("src", "docs", "examples"):
-        for path in (PROJECT / folder).rglob("*"):
-            if path.suffix in SUFFIXES and "reproduction" not in path.parts:
-                yield path
+@cache
+def read_by_users() -> dict[Path, str]:
+    """Return the texts of sources, pages and examples, without the thesis's own words."""
+    folders = (PROJECT / folder for folder in ("src", "docs", "examples"))
+    paths = [PROJECT / "README.md", *(path for folder in folders for path in folder.rglob("*"))]
+    return {
+        path: path.read_text("utf-8")
+        for path in paths
+        if path.suffix in SUFFIXES and "reproduction" not in path.parts
+    }
 
 
 def told(text: str, words: str) -> Iterator[int]:
@@ -64,8 +68,8 @@ def told(text: str, words: str) -> Iterator[int]:
 def test_sources_and_pages___say___the_terms_of_the_glossary(words: str, term: str) -> None:
     found = [
         f"{path.relative_to(PROJECT)}:{line}: say {term!r}"
-        for path in read_by_users()
-        for line in told(path.read_text("utf-8"), words)
+        for path, text in read_by_users().items()
+        for line in told(text, words)
     ]
     assert found == []
 

@@ -1,7 +1,7 @@
 """Answers of an unknown arm: to pulses, to slow motion and to an excitation.
 
 Each judgement takes a record and the arm's description, and refuses what would make the next
-experiment dangerous or useless.
+experiment dangerous or uninformative.
 """
 
 from __future__ import annotations
