@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from flexarm_control.commissioning.programme import PARTS, PERIOD_S, RAMP_S, Pro
 from flexarm_control.servo.controller import Servo
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
 from flexarm_control.servo.twin import Run, step_results, step_run
+from flexarm_core.errors import SettingError
 from flexarm_core.waves import multisine
 from flexarm_ident.diagnostics.best_linear import best_linear_approximation
 from flexarm_ident.diagnostics.verdict import Level
@@ -107,6 +108,7 @@ class Commissioner:
         self._arm, self._rig, self._state = arm, rig, state
         self._programme = Programme(rig)
         self._folder = state.folder
+        self._results: dict[str, Results] = {}
 
     def answers(self) -> tuple[PulseAnswer, ...]:
         """Pulse each joint, and refuse wrong wiring, dead sensors and stuck joints."""
@@ -145,11 +147,17 @@ class Commissioner:
         self._state.note("friction", [each._asdict() for each in found])
         return found
 
-    def model(self, loop: SoftLoop, friction: Sequence[Friction]) -> Results:
-        """Excite in growing parts and identify after each, until the model is good enough."""
+    def models(self, loop: SoftLoop, friction: Sequence[Friction]) -> tuple[str, ...]:
+        """Excite in growing parts and identify after each, until a model is good enough.
+
+        Returns
+        -------
+        tuple of str
+            Names of the models to design with, the best one first: the one that is good enough, or
+            else all that are usable, by their errors on data that were not fitted.
+        """
         magnitude_v = self._programme.first_v(friction)
-        bags: list[Path] = []
-        hindrance = ""
+        bags: list[str] = []
         for number in range(1, PARTS + 1):
             wanted = self._programme.part(number, magnitude_v, loop, friction)
             terminal.step(
@@ -158,31 +166,43 @@ class Commissioner:
             )
             record = self._arm.measured(wanted)
             self._show_distortion(record, wanted)
-            bags.append(self._arm.bag(wanted.name))
+            bags.append(wanted.name)
+            if wanted.name not in self._state.found:
+                found = {"magnitude_v": magnitude_v, "bags": bags.copy()}
+                self._state.note(wanted.name, found | self._judged(wanted.name, bags))
+            if not self._state.found[wanted.name]["hindrance"]:
+                return (wanted.name,)
             growth = self._programme.growth(record, magnitude_v)
-            key = wanted.name
-            known = self._state.found.get(key)
-            results = None
-            if known is None or known["enough"] or number == PARTS:
-                results = self._identified(bags, key)
-                hindrance = self._hindrance(results)
-                self._state.note(key, {"magnitude_v": magnitude_v, "enough": not hindrance})
-                if not hindrance:
-                    return results
-            if number == PARTS:
-                break
             if growth >= _GROWS:
                 magnitude_v *= growth
                 bags.clear()
-        assert results is not None  # noqa: S101 - the last part is identified in any case
-        level = results.outcome.verdict.level
-        terminal.note(f"caution: {hindrance} after {PARTS} parts")
-        if level > Level.USABLE:
-            raise ArmFaultError(
-                f"no model to design with after {PARTS} parts: {hindrance}; see "
-                f"{results.folder / 'report.html'}"
-            )
-        return results
+        parts = [f"part_{number}" for number in range(1, PARTS + 1)]
+        parts.sort(key=lambda name: float(self._state.found[name]["error"]))
+        best = self._state.found[parts[0]]
+        hindrance = f"{best['hindrance']}, after {PARTS} parts"
+        usable = [name for name in parts if self._state.found[name]["level"] <= Level.USABLE]
+        if not usable:
+            raise ArmFaultError(f"no model to design with: {hindrance}")
+        terminal.note(f"caution: {hindrance}")
+        return tuple(usable)
+
+    def designed(self, names: Sequence[str]) -> tuple[Results, ServoDesign]:
+        """Design on the first model that has a bandwidth with the margin.
+
+        Raises
+        ------
+        SettingError
+            When none has.
+        """
+        *others, last = names
+        for name in others:
+            results = self._identified(name, self._state.found[name]["bags"])
+            try:
+                return results, self.design(results)
+            except SettingError as error:
+                terminal.note(f"caution: {name} is left out: {error}")
+        results = self._identified(last, self._state.found[last]["bags"])
+        return results, self.design(results)
 
     def design(self, results: Results) -> ServoDesign:
         """Design the servo on the model that was found."""
@@ -237,23 +257,25 @@ class Commissioner:
         answers = self.answers()
         loop = soft_loop(answers, self._rig)
         friction = self.friction(loop)
-        results = self.model(loop, friction)
-        return results, self.design(results)
+        return self.designed(self.models(loop, friction))
 
-    def _identified(self, bags: Sequence[Path], name: str) -> Results:
-        with terminal.progress() as show:
-            return identify_bags(
-                bags,
-                self._folder / MODELS_FOLDER / name,
-                Request(),
-                force=True,
-                read=lambda bag, *_: self._arm.record(bag.name),
-                progress=show,
-            )
+    def _identified(self, name: str, bags: Sequence[str]) -> Results:
+        """Return the model of some bags; once in a session."""
+        if name not in self._results:
+            with terminal.progress() as show:
+                self._results[name] = identify_bags(
+                    [self._arm.bag(each) for each in bags],
+                    self._folder / MODELS_FOLDER / name,
+                    Request(),
+                    force=True,
+                    read=lambda bag, *_: self._arm.record(bag.name),
+                    progress=show,
+                )
+        return self._results[name]
 
-    def _hindrance(self, results: Results) -> str:
-        """Print what a model is worth, and return what keeps it from being good enough."""
-        outcome = results.outcome
+    def _judged(self, name: str, bags: Sequence[str]) -> dict[str, Any]:
+        """Print what a model is worth; return it, with what keeps it from being good enough."""
+        outcome = self._identified(name, bags).outcome
         terminal.CONSOLE.print(f"  {outcome.verdict}")
         band = self._programme.band
         known = accuracy(outcome, self._rig, (band.low_hz, band.high_hz))
@@ -261,9 +283,11 @@ class Commissioner:
             f"  modes known to ±{100.0 * known.frequency:.2g} %, gains to angles to "
             f"±{100.0 * known.gain:.2g} %"
         )
-        if outcome.verdict.level > Level.GOOD:
-            return f"the model is {outcome.verdict.level}, {outcome.verdict.next_step}"
-        return known.misses(self._state.settings["goal"])
+        level = outcome.verdict.level
+        hindrance = known.misses(self._state.settings["goal"])
+        if level > Level.GOOD:
+            hindrance = f"the model is {level}: {outcome.verdict.next_step}"
+        return {"error": outcome.verdict.error, "level": int(level), "hindrance": hindrance}
 
     def _show_distortion(self, record: IoData, part: Measurement) -> None:
         """Print noise and distortion of an arm with one input."""
