@@ -17,6 +17,7 @@ from flexarm_bringup.verbs.offline.servo import write_servo
 from flexarm_control import load_controller
 from flexarm_control.commissioning.programme import PARTS, Programme
 from flexarm_control.twin import TwinRig, twin_description
+from flexarm_core.errors import SettingError
 from flexarm_core.rig_description import described, load_rig
 from flexarm_ident.models.files import save_model
 from support.direct_arm import DirectArm
@@ -89,6 +90,30 @@ def test_unknown_arm___interrupted_in_every_stage___ends_in_its_controller(tmp_p
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["servo"]["disk_margin"] >= 0.5
     assert "Step on the arm" in (tmp_path / "report.html").read_text()
+
+
+def test_best_model_without_a_margin___is_followed_by_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = {name: {"bags": [name]} for name in ("part_1", "part_2", "part_3")}
+    state = State(tmp_path, {"rig": "", "goal": 0.05}, found)
+    rig = bending_rig(tmp_path)
+    arm = DirectArm(rig, TwinRig("model.yaml", rig=rig, folder=tmp_path), tmp_path)
+    commissioner = Commissioner(arm, rig, state)
+    refused = {"part_3"}
+
+    def designed(_: Commissioner, results: str) -> str:
+        if results in refused:
+            raise SettingError("no bandwidth has a disk margin of 0.5")
+        return f"servo of {results}"
+
+    monkeypatch.setattr(Commissioner, "_identified", lambda _, name, __: name)
+    monkeypatch.setattr(Commissioner, "design", designed)
+    names = ("part_3", "part_1", "part_2")
+    assert commissioner.designed(names) == ("part_1", "servo of part_1")
+    refused.update(names)
+    with pytest.raises(SettingError, match="disk margin"):
+        commissioner.designed(names)
 
 
 def test_folder_of_another_arm___is_refused(tmp_path: Path) -> None:
