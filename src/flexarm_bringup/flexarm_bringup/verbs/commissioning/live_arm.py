@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import recorded_topics, running_graph
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
 from flexarm_core.channels import is_thesis_arm
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_bringup.graph.operator import Operator
+    from flexarm_bringup.runs.pace import Pace
     from flexarm_control.commissioning.programme import Measurement
     from flexarm_core.rig_description import RigDescription
     from flexarm_ident.records.iodata import IoData
@@ -134,6 +134,5 @@ def live_arm(
         folder / "nodes.log",
         nodes=_NODES,
         namespace=namespace,
-        compose=pace is Pace.FAST,
     ) as (operator, _):
         yield LiveArm(operator, rig, folder)

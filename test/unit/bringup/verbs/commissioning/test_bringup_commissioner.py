@@ -110,7 +110,8 @@ def test_best_model_without_a_margin___is_followed_by_the_next(
     monkeypatch.setattr(Commissioner, "_identified", lambda _, name, __: name)
     monkeypatch.setattr(Commissioner, "design", designed)
     names = ("part_3", "part_1", "part_2")
-    assert commissioner.designed(names) == ("part_1", "servo of part_1")
+    found_first: object = commissioner.designed(names)
+    assert found_first == ("part_1", "servo of part_1")
     refused.update(names)
     with pytest.raises(SettingError, match="disk margin"):
         commissioner.designed(names)
