@@ -154,7 +154,7 @@ class Commissioner:
         -------
         tuple of str
             Names of the models to design with, the best one first: the one that is good enough, or
-            else all that are usable, by their errors on data that were not fitted.
+            else all that are usable, by their cross-validated errors.
         """
         magnitude_v = self._programme.first_v(friction)
         bags: list[str] = []
