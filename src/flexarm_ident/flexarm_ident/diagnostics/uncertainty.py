@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -40,23 +40,25 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.segments import Segment
     from flexarm_ident.subspace.subspace_protocol import StateMatrices
 
+Estimate = TypeVar("Estimate")
+
 
 @dataclass(frozen=True, eq=False)
-class Jackknife:
-    """Estimates of A and C from all data and without one segment each.
+class Jackknife(Generic[Estimate]):
+    """Estimates, such as A and C, from all data and without one segment each.
 
     `remainders` are the data of each of the latter, without the rows `left_out` of one record.
     `gram` holds the products of all data.
     """
 
     gram: BlockGram
-    estimate: Callable[[BlockGram], StateMatrices]
-    replicates: tuple[StateMatrices, ...]
+    estimate: Callable[[BlockGram], Estimate]
+    replicates: tuple[Estimate, ...]
     remainders: tuple[tuple[IoData, ...], ...]
     left_out: tuple[Rows, ...]
 
     @cached_property
-    def whole(self) -> StateMatrices:
+    def whole(self) -> Estimate:
         """Estimate from all data."""
         return self.estimate(self.gram)
 
@@ -90,11 +92,11 @@ class ResponseUncertainty:
 def jackknife(
     records: IoData | Sequence[IoData],
     block_rows: int,
-    estimate: Callable[[BlockGram], StateMatrices],
+    estimate: Callable[[BlockGram], Estimate],
     *,
     segments: int = SEGMENTS,
-) -> Jackknife:
-    """Estimate A and C from all data, and from all but one segment for each segment.
+) -> Jackknife[Estimate]:
+    """Estimate from all data, and from all but one segment for each segment.
 
     Parameters
     ----------
@@ -103,7 +105,7 @@ def jackknife(
     block_rows : int
         Time shifts of the Gram matrix that the estimate needs.
     estimate : callable
-        From a Gram matrix to A and C, of one method and one order.
+        From a Gram matrix to A and C of one method and order, or to all that the method gives.
     segments : int
         Segments of all records together; fewer when they would be shorter than `block_rows`.
 
@@ -143,7 +145,9 @@ def blocks_left_out(
     return _halves(records, block_rows, cut(records, block_rows, segments))
 
 
-def mode_uncertainty(found: Jackknife, model: control.StateSpace) -> tuple[ModeUncertainty, ...]:
+def mode_uncertainty(
+    found: Jackknife[StateMatrices], model: control.StateSpace
+) -> tuple[ModeUncertainty, ...]:
     """Return modes with their standard deviations, in the order of `ranked_modes`.
 
     The model is the one from all data, or a part of its modes.
@@ -156,7 +160,7 @@ def mode_uncertainty(found: Jackknife, model: control.StateSpace) -> tuple[ModeU
 
 
 def frequency_response_uncertainty(
-    found: Jackknife,
+    found: Jackknife[StateMatrices],
     records: IoData | Sequence[IoData],
     frequencies_hz: ArrayLike,
     *,

@@ -10,7 +10,7 @@ Burman, Chow, Nolan, "A cross-validatory method for dependent data", Biometrika 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.diagnostics.uncertainty import Rows
+    from flexarm_ident.diagnostics.uncertainty import Jackknife, Rows
     from flexarm_ident.likelihood.maximum_likelihood import LikelihoodFit
     from flexarm_ident.models.state_space import Way
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.subspace_protocol import StateMatrices
 
+Estimate = TypeVar("Estimate")
 # Power of a constant output about its mean, in parts of that about zero.
 _ROUNDING = 1e-24
 _BLOCKS = 5
@@ -56,10 +57,32 @@ class CrossValidation:
     block_errors: FloatArray
 
 
+def without_blocks(
+    records: Sequence[IoData], block_rows: int, build: Callable[[BlockGram], Estimate]
+) -> Jackknife[Estimate]:
+    """Estimate without each of five blocks in turn, for `cross_validate`.
+
+    Parameters
+    ----------
+    records : sequence of IoData
+        Records of one rig.
+    block_rows : int
+        Block rows of the products that the estimate needs.
+    build : callable
+        Function from products to what an estimator gives.
+
+    Raises
+    ------
+    DataError
+        If the records are too short for blocks.
+    """
+    return jackknife(records, block_rows, build, segments=_BLOCKS)
+
+
 def cross_validate(
     records: Sequence[IoData],
-    block_rows: int,
-    estimate: Callable[[BlockGram], StateMatrices],
+    found: Jackknife[Estimate],
+    matrices: Callable[[Estimate], StateMatrices],
     ways: Sequence[Way],
     *,
     feedthrough: bool,
@@ -71,10 +94,10 @@ def cross_validate(
     ----------
     records : sequence of IoData
         Records of one rig.
-    block_rows : int
-        Block rows of the products that the estimate needs.
-    estimate : callable
-        Function from products to A and C, of one estimator and one order.
+    found : Jackknife
+        Estimates `without_blocks`.
+    matrices : callable
+        Function from an estimate to A and C, of one order.
     ways : sequence of Way
         Ways to move unstable eigenvalues; none: they stay.
     feedthrough : bool
@@ -84,20 +107,16 @@ def cross_validate(
 
     Raises
     ------
-    DataError
-        If the records are too short for blocks.
     IdentificationError
         If a model without a block is too unstable to simulate.
     """
-    found = jackknife(records, block_rows, estimate, segments=_BLOCKS)
 
-    def model(matrices: StateMatrices, others: Sequence[IoData]) -> control.StateSpace:
+    def model(estimate: Estimate, others: Sequence[IoData]) -> control.StateSpace:
+        raw = matrices(estimate)
         A, fit, *_ = fit_stable(
-            *(matrices.A, matrices.C, others, ways),
-            feedthrough=feedthrough,
-            noise_weighted=noise_weighted,
+            *(raw.A, raw.C, others, ways), feedthrough=feedthrough, noise_weighted=noise_weighted
         )
-        return state_space(A, fit.B, matrices.C, fit.D, others[0].dt_s)
+        return state_space(A, fit.B, raw.C, fit.D, others[0].dt_s)
 
     pairs = zip(found.replicates, found.remainders, strict=True)
     return _judged(records, zip((model(*pair) for pair in pairs), found.left_out, strict=True))

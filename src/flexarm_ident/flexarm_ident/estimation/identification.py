@@ -22,7 +22,11 @@ from flexarm_ident.diagnostics.uncertainty import (
     jackknife,
     mode_uncertainty,
 )
-from flexarm_ident.estimation.cross_validation import cross_validate, cross_validate_likelihood
+from flexarm_ident.estimation.cross_validation import (
+    cross_validate,
+    cross_validate_likelihood,
+    without_blocks,
+)
 from flexarm_ident.estimation.physical_modes import judged_modes
 from flexarm_ident.estimation.plots import plot_response, plot_stabilisation
 from flexarm_ident.fitting.blas import one_thread
@@ -252,8 +256,8 @@ class Identification:
                 )
             return cross_validate(
                 self.records,
-                self.gram.block_rows,
-                self._estimate,
+                without_blocks(self.records, self.gram.block_rows, self._estimate),
+                lambda matrices: matrices,
                 METHODS[self.method].ways if self.stable else (),
                 feedthrough=bool(np.any(self.model.D)),
                 noise_weighted=METHODS[self.method].noise_weighted,
@@ -263,7 +267,7 @@ class Identification:
 
     @cached_property
     @one_thread()
-    def _jackknife(self) -> Jackknife | None:
+    def _jackknife(self) -> Jackknife[StateMatrices] | None:
         if self.friction is not None or not self._is_in_memory:
             return None
         try:

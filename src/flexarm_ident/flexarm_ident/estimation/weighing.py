@@ -10,6 +10,11 @@ model by at most two standard errors. These are taken over parts of the records,
 compared part by part. The second condition decides for records with much noise, where 3 % of the
 error would hide a mode, the first for records whose errors come in bursts.
 
+With few data a model of high order follows their noise beyond what Akaike's factor expects. There
+each model is fitted without a block of the records in turn as well, see `cross_validation`. One
+that misses these blocks by more than twice as much as another does, or is no better than their mean
+where another is, is not chosen.
+
 Free simulation does not show the bias of a model that was identified under feedback: it fits the
 noise that the controller has brought into the input. And it rewards a model of high order that
 imitates friction, at the cost of its modes. Where the first choice is for feedback or friction,
@@ -29,20 +34,24 @@ import numpy as np
 
 from flexarm_core.errors import DataError, FlexarmError, IdentificationError
 from flexarm_ident.estimation.candidates import candidate
+from flexarm_ident.estimation.cross_validation import cross_validate, without_blocks
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.subspace.choice import estimate_from
 from flexarm_ident.subspace.gram import block_gram
-from flexarm_ident.subspace.methods import METHODS
+from flexarm_ident.subspace.methods import METHODS, Data
 from flexarm_ident.subspace.order import largest_order
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_core.arrays import Progress
+    from flexarm_ident.diagnostics.uncertainty import Jackknife
     from flexarm_ident.estimation.candidates import Candidate
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
     from flexarm_ident.subspace.choice import Selection
     from flexarm_ident.subspace.methods import Method
+    from flexarm_ident.subspace.subspace_protocol import Subspace
 
 LADDER = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 21, 24, 28, 32, 36)
 """Orders to weigh. Few models of high order differ by one state."""
@@ -59,6 +68,9 @@ _TOLERANCE_IN_FEEDBACK = 1.35
 _STANDARD_ERRORS = 2.0
 # Ratio of the expected to the plain error above which it can decide.
 _FEW_DATA = 1.02
+# Error on left-out blocks in units of the smallest. Models differ by less where a block holds what
+# the others do not, as with a sweep.
+_MISSES = 2.0
 # A smaller relative error is rounding.
 _SMALLEST_ERROR = 1e-6
 
@@ -156,6 +168,8 @@ class Weighed:
         self._first, self._records = first, records
         self._stable, self._feedthrough = stable, feedthrough
         self._candidates: dict[tuple[str, int], Candidate] = {}
+        self._blocks: dict[str, Jackknife[Subspace] | None] = {}
+        self._left_out: dict[tuple[str, int], float] = {}
 
     def add(self, selection: Selection, order: int) -> None:
         """Fit a model, unless that has been done; one that cannot be simulated is left out."""
@@ -177,17 +191,20 @@ class Weighed:
         """Whether the first choice is as good as the best of the others, or nearly so."""
         row = METHODS[self._first.selection.method]
         tolerance = _TOLERANCE_IN_FEEDBACK if row.consistent_under_feedback else _TOLERANCE
-        smallest = self._best.expected_error if self._candidates else 0.0
+        if not self._candidates:
+            return False
+        admitted = self._admitted()
         found = self._found_first
-        error = found.expected_error if found else np.inf
+        error = found.expected_error if found in admitted else np.inf
+        smallest = admitted[0].expected_error
         return bool(error <= tolerance * max(smallest, _SMALLEST_ERROR))
 
     def choice(self) -> Choice:
         """Return the first choice where it stays, else the most parsimonious model."""
         if not self._candidates:
             return self._first
-        first, best = self._first, self._best
-        is_few = any(each.inflation > _FEW_DATA for each in (best, self._found_first) if each)
+        admitted = self._admitted()
+        first, best, is_few = self._first, admitted[0], self._is_few
         words = "in simulation" + is_few * ", as expected of other data"
 
         def told(made: Candidate | None) -> str:
@@ -200,11 +217,11 @@ class Weighed:
         if self.first_stays:
             reason = f"{first.selection.reason}: {error} {words}, {smallest}"
             return Choice(first.selection._replace(reason=reason), first.order)
-        chosen = most_parsimonious(list(self._candidates.values()), best)
+        chosen = most_parsimonious(admitted, best)
         reason = (
             f"{chosen.name} was chosen: {told(chosen)} {words}, "
             f"{error} by {first.selection.method} of order {first.order}, which "
-            f"the one-step errors call for, {smallest}"
+            f"the one-step errors call for, {smallest}{self._refused(admitted)}"
         )
         return Choice(chosen.selection._replace(reason=reason), chosen.order)
 
@@ -215,6 +232,66 @@ class Weighed:
     @property
     def _best(self) -> Candidate:
         return min(self._candidates.values(), key=lambda each: each.expected_error)
+
+    @property
+    def _is_few(self) -> bool:
+        pair = (self._best, self._found_first)
+        return any(each.inflation > _FEW_DATA for each in pair if each)
+
+    def _admitted(self) -> list[Candidate]:
+        """Return the models that may be chosen, the best first.
+
+        With few data that is the best one that meets left-out blocks, the first choice and those
+        that are nearly as good, if they meet them as well.
+        """
+        made = sorted(self._candidates.values(), key=lambda each: each.expected_error)
+        if not self._is_few:
+            return made
+        known = [self._error_left_out(each) for each in made if each.order in COARSE]
+        smallest = min(known, default=np.inf)
+        most = _MISSES * smallest if smallest >= 1.0 else min(_MISSES * smallest, 1.0)
+        best = next((each for each in made if self._error_left_out(each) <= most), None)
+        if best is None:
+            return made
+        rivals = [each for each in made[made.index(best) :] if within_tolerance(each, best)]
+        first = self._found_first
+        if first is not None and first not in rivals:
+            rivals.append(first)
+        return [each for each in rivals if self._error_left_out(each) <= most]
+
+    def _error_left_out(self, made: Candidate) -> float:
+        """Return the error on left-out blocks, infinite where there is none."""
+        selection, records, feedthrough = made.selection, self._records, self._feedthrough
+        row, key = METHODS[selection.method], (selection.method, made.order)
+        if key in self._left_out:
+            return self._left_out[key]
+        if row.name not in self._blocks:
+            self._blocks[row.name] = None
+            with suppress(FlexarmError):  # too short for blocks
+                self._blocks[row.name] = without_blocks(
+                    *(records, selection.gram.block_rows),
+                    lambda gram: row.build(Data(gram, records, feedthrough)),
+                )
+        blocks, error = self._blocks[row.name], np.inf
+        if blocks is None:
+            return error
+        with suppress(FlexarmError):  # too unstable to simulate
+            found = cross_validate(
+                *(records, blocks, lambda space: space.matrices(made.order)),
+                row.ways if self._stable else (),
+                feedthrough=feedthrough,
+                noise_weighted=False,
+            )
+            error = mean_error(found.error)
+        self._left_out[key] = error
+        return error
+
+    def _refused(self, admitted: Sequence[Candidate]) -> str:
+        """Return what is told of better models that miss left-out blocks."""
+        best = self._best
+        if best in admitted:
+            return ""
+        return f"; {best.name} has {best.expected_error:.3g}, but misses what its fit leaves out"
 
 
 def spread(records: Sequence[IoData]) -> list[IoData]:
