@@ -123,6 +123,12 @@ def require_known_outputs(spec: LawSpec, rig: RigDescription) -> None:
             f"law {spec.name} moves joints, and rig {rig.name} has none: name them in its "
             "description (joints), or take the law servo"
         )
+    if rig.tracked != tuple(each.angle for each in rig.joints):
+        raise SettingError(
+            f"law {spec.name} turns the joints of rig {rig.name}, which tracks "
+            f"{', '.join(rig.tracked)}: take the law servo with a controller that `flexarm design "
+            "--track` made, or leave tracked out of the description"
+        )
     if spec.takes_model or not _KNOWN_PLACES.issuperset(spec.uses_outputs):
         needs = "a model of the thesis's arm" if spec.takes_model else "the strain of its gauges"
         raise SettingError(

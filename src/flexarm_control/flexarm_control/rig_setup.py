@@ -172,7 +172,7 @@ class RigSetup:
         """Outputs that the set-points mean, in their order."""
         joints = {each.angle: each for each in self.rig.joints}
         found = []
-        for name in self.servo.tracked if self.servo else joints:
+        for name in self.rig.tracked:
             output, joint = self.rig.output(name), joints.get(name)
             ends = (joint.low, joint.high) if joint else (output.low, output.high)
             found.append(Track(joint.name if joint else name, name, output.unit, *ends))

@@ -101,11 +101,12 @@ class TwinRig:
         self._is_open = False
 
     def _friction(self, friction: DryFriction | None, inputs: Sequence[int]) -> None:
-        self._levels = np.zeros(len(inputs))
+        self._laws, self._holds = np.zeros((len(inputs), 4)), np.zeros((len(inputs), 2))
         self._offsets = np.zeros(len(inputs))
         self._speed = np.zeros((len(inputs), len(self._a)))
         if friction is not None:
-            self._levels = friction.levels[list(inputs)]
+            self._laws = friction.laws[list(inputs)]
+            self._holds = friction.holds[list(inputs)]
             self._offsets = friction.offsets[list(inputs)]
             self._speed = friction.speed[list(inputs)]
 
@@ -118,7 +119,7 @@ class TwinRig:
             reach = max(abs(rig.inputs[driven].low), abs(rig.inputs[driven].high))
             force = STOP_REACHES * reach
             change = self._c[angle] @ (self._a - np.eye(len(self._a)))
-            if not self._levels[driven]:
+            if not self._laws[driven, 0]:
                 self._speed[driven] = change
             # Of the angle's change for a positive speed of its friction.
             sign = math.copysign(1.0, float(change @ self._speed[driven]))
@@ -184,26 +185,32 @@ class TwinRig:
 
     def _advance(self, steps: int) -> None:
         # It loads a compiler, which a description that is only checked does not need.
-        from flexarm_ident.models.stick_slip import friction_force  # noqa: PLC0415
+        from flexarm_ident.models.stick_slip import (  # noqa: PLC0415
+            friction_force,
+            friction_levels,
+        )
 
         for _ in range(steps):
             after = self._a @ self._x + self._b @ (self._u - self._offsets)
-            levels = self._levels_at(self._c @ self._x, self._speed @ after)
-            self._x = after - self._b @ friction_force(self._speed @ after, self._gain, levels)
+            speeds, ahead = self._speed @ self._x, self._speed @ after
+            levels = friction_levels(self._laws, speeds, np.abs(self._u))
+            rests, gives = self._holds.T.copy()
+            # A stop holds without yielding.
+            for stop in self._stopped(self._c @ self._x, ahead):
+                levels[stop.input] = stop.force
+                rests[stop.input] = gives[stop.input] = 0.0
+            gain = self._gain + np.diag(np.diag(self._gain) * gives)
+            self._x = after - self._b @ friction_force(ahead - rests * speeds, gain, levels)
             self._steps += 1
 
-    def _levels_at(self, outputs: FloatArray, speeds: FloatArray) -> FloatArray:
-        """Return the friction, with the force of a stop that a joint moves against."""
-        levels = self._levels
+    def _stopped(self, outputs: FloatArray, speeds: FloatArray) -> Iterator[_Stop]:
+        """Yield the stops that a joint moves against."""
         for stop in self._ends:
             outward = stop.sign * speeds[stop.input]
-            is_against = (outputs[stop.angle] >= stop.high and outward > 0.0) or (
+            if (outputs[stop.angle] >= stop.high and outward > 0.0) or (
                 outputs[stop.angle] <= stop.low and outward < 0.0
-            )
-            if is_against:
-                levels = levels.copy()
-                levels[stop.input] = stop.force
-        return levels
+            ):
+                yield stop
 
 
 def _require_signals(model: control.StateSpace, rig: RigDescription, path: Path) -> None:
@@ -292,7 +299,6 @@ def _description(
     noise = facts.get("noise_sd")
     if isinstance(noise, list) and len(noise) == model.noutputs:
         yield f"  noise: [{', '.join(f'{float(each):.4g}' for each in noise)}]"
-    yield "safety: {stuck_samples: 0}  # a model without noise stands still at rest"
 
 
 def _angles(model: control.StateSpace, ranges: Sequence[tuple[float, float]]) -> dict[str, str]:

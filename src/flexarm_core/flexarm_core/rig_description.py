@@ -70,6 +70,7 @@ SIMULATIONS: Final = ("simulated", "twin", "mujoco")
 """Drivers without a board."""
 SHORT_NAMES: Final[Mapping[str, str]] = {"simulated": "thesis", "nidaq": "thesis-nidaq"}
 """Packaged descriptions that go by the name of their driver too."""
+_TAKEN = ("reference_", "compensation_")
 _RATES_HZ = 1.0, 10_000.0
 _MOST_PERIODS = 1000
 _MOST_SAMPLES = 2**31 - 1
@@ -239,7 +240,7 @@ class RigDescription:
     joints : tuple of Joint
         Joints, from the base on.
     tracked : tuple of str
-        Outputs that a set-point means, by default the angles of the joints.
+        Outputs that a set-point means, by default the angles of the joints; others need a servo.
     driver : str
         Name of a driver, or ``FILE.py:CLASS``; a relative file is one beside the description.
     settings : mapping
@@ -338,6 +339,12 @@ def described(text: str, file: str = "rig.yaml") -> RigDescription:
     for name in names:
         if names.count(name) > 1:
             top.refuse(f"{name} is the name of an input and of an output: rename one", "outputs")
+        if name.startswith(_TAKEN):
+            top.refuse(
+                f"{name}: names with {' or '.join(_TAKEN)} are those of set-points and "
+                "compensations in records: rename it",
+                "inputs" if name in [each.name for each in inputs] else "outputs",
+            )
     joints = tuple(_joints(top, inputs, outputs))
     present = [each.name for each in outputs if not each.absent]
     tracked = top.words("tracked", present, [each.angle for each in joints])
@@ -347,6 +354,14 @@ def described(text: str, file: str = "rig.yaml") -> RigDescription:
             "input at most",
             "tracked",
         )
+    angles = {each.angle for each in joints}
+    for each in outputs:
+        if each.name in tracked and each.name not in angles and not _is_bounded(each):
+            top.refuse(
+                f"tracked: {each.name} is no joint's angle and needs a range, where its set-points "
+                "lie",
+                "tracked",
+            )
     rig = RigDescription(
         name=top.text("name"),
         rate_hz=top.number("rate_hz", within=_RATES_HZ),
@@ -361,6 +376,10 @@ def described(text: str, file: str = "rig.yaml") -> RigDescription:
     )
     top.end()
     return rig
+
+
+def _is_bounded(output: Output) -> bool:
+    return math.isfinite(output.low) and math.isfinite(output.high)
 
 
 def _some(top: Section, name: str) -> Iterator[Section]:
@@ -475,7 +494,7 @@ def _sign(row: Section) -> int:
 def _safety(row: Section) -> Safety:
     safety = Safety(
         max_age_periods=row.whole("max_age_periods", 0, (0, _MOST_PERIODS)),
-        stuck_samples=row.whole("stuck_samples", 30, (0, _MOST_SAMPLES)),
+        stuck_samples=row.whole("stuck_samples", 0, (0, _MOST_SAMPLES)),
         end_of_travel=row.word("end_of_travel", TRAVEL_ACTIONS, "inward"),
     )
     row.end()

@@ -143,6 +143,33 @@ def test_servo___of_other_signals___is_refused(rig: RigDescription, controller: 
         RigSetup.of(parameters(law="servo", **{"servo.controller": str(controller)}), other)
 
 
+def test_set_points___that_the_law_does_not_track___are_refused(
+    rig: RigDescription, controller: Path
+) -> None:
+    one = described(rig.text.replace("driver:", "tracked: [hub2]\ndriver:"))
+    with pytest.raises(SettingError, match=r"law pd turns the joints .* tracks hub2: take the law"):
+        RigSetup.of(parameters(law="pd"), one)
+    with pytest.raises(SettingError, match=r"write tracked: \[hub1, hub2\] into its file"):
+        RigSetup.of(parameters(law="servo", **{"servo.controller": str(controller)}), one)
+
+
+def test_servo___that_tracks_no_angle_of_a_joint___has_its_set_point(
+    rig: RigDescription, tmp_path: Path
+) -> None:
+    text = rig.text[: rig.text.index("joints:")] + rig.text[rig.text.index("driver:") :]
+    free = described(text.replace("unit: rad}", "unit: rad, range: 2}") + "tracked: [hub1, hub2]\n")
+    request = ServoRequest(("hub1", "hub2"), {"torque1": 1.0, "torque2": 1.0}, bandwidth_hz=2.0)
+    file = tmp_path / "controller.yaml"
+    save_controller(file, design_servo([Source("joints", two_joints())], request).gains)
+    setup = RigSetup.of(parameters(law="servo", **{"servo.controller": str(file)}), free)
+    assert [(each.name, each.low, each.high) for each in setup.tracks] == [
+        ("hub1", -2.0, 2.0),
+        ("hub2", -2.0, 2.0),
+    ]
+    y, _, _ = run(free, setup.loop(), [(0.0, 0.0)] + [(0.5, -0.3)] * round(6 * free.rate_hz))
+    np.testing.assert_allclose(y[-1], (0.5, -0.3), atol=0.01)
+
+
 def test_servo___without_a_file___is_refused(rig: RigDescription) -> None:
     with pytest.raises(SettingError, match=r"law servo needs servo\.controller"):
         RigSetup.of(parameters(law="servo"), rig)

@@ -141,6 +141,12 @@ BAD = {
     "joints.hip must be a mapping": ("joints:\n", "joints:\n  hip: 3\n", 14),
     "tracked = 'base' is not known": ("tracked: [elbow_rad]", "tracked: [base]", 17),
     "tracked must be a list of names, each once": ("[elbow_rad]", "[elbow_rad, elbow_rad]", 17),
+    "reference_tip: names with reference_ or compensation_": ("  tip:", "  reference_tip:", 6),
+    "tracked: elbow_rpm is no joint's angle and needs a range": (
+        "[elbow_rad]",
+        "[elbow_rad, elbow_rpm]",
+        17,
+    ),
     "tracked has 3 outputs for 2 inputs": ("[elbow_rad]", "[elbow_rad, elbow_rpm, tip]", 17),
     "settings must be a mapping": ("settings: {port: /dev/ttyUSB0}", "settings: fast", 19),
     "safety.max_age_periods = 2.5 must be a whole number": ("periods: 4", "periods: 2.5", 20),

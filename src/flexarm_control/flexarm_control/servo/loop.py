@@ -22,12 +22,12 @@ FADE = 0.01
 
 
 def require_signals(servo: Servo, rig: RigDescription) -> None:
-    """Refuse a controller whose signals are not those of a rig, or at another rate.
+    """Refuse a controller whose signals or tracked outputs are not those of a rig.
 
     Raises
     ------
     SettingError
-        With the signal, or the rates.
+        With the signal, or the outputs.
     """
     for role, wanted, known in (
         ("input", servo.inputs, rig.input_names),
@@ -39,6 +39,12 @@ def require_signals(servo: Servo, rig: RigDescription) -> None:
                     f"the controller has the {role} {name}, and rig {rig.name} has "
                     f"{', '.join(known)}{nearest(name, known)}: design it on a record of this rig"
                 )
+    if tuple(servo.tracked) != rig.tracked:
+        tracked = ", ".join(servo.tracked)
+        raise SettingError(
+            f"the controller tracks {tracked}, and rig {rig.name} "
+            f"{', '.join(rig.tracked) or 'nothing'}: write tracked: [{tracked}] into its file"
+        )
 
 
 class ServoLoop:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from types import MappingProxyType
@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from flexarm_core.rig_description import RigDescription
 
 KINDS: Mapping[str, str] = MappingProxyType(
     {
@@ -27,7 +30,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
 
 
 class CatalogueError(FlexarmError):
-    """Unknown experiment; the message lists the known ones."""
+    """Unknown experiment, or one that an arm does not have."""
 
 
 @dataclass(frozen=True)
@@ -131,3 +134,22 @@ def experiment(name: str) -> Experiment:
         f"{kind}1 to {kind}{sum(known.startswith(kind) for known in catalogue())}" for kind in kinds
     ]
     raise CatalogueError(f"no experiment {name!r}; there are {', '.join(ranges)}")
+
+
+def on_rig(entry: Experiment, rig: RigDescription) -> Experiment:
+    """Return an experiment on a rig, at its rate; the limits of its inputs stand for 10 V.
+
+    Raises
+    ------
+    CatalogueError
+        When its law is one of the thesis's arm, and the rig is another.
+    """
+    if is_thesis_arm(rig):
+        return entry
+    if entry.closed_loop:
+        raise CatalogueError(
+            f"experiment {entry.name}: its law is one of the thesis's arm, and {rig.name} is "
+            "another: choose one in open loop"
+        )
+    samples = round(entry.length_s * rig.rate_hz)
+    return replace(entry, samples=samples, rate_hz=rig.rate_hz, payload_kg=0.0)

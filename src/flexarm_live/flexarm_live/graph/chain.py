@@ -12,7 +12,7 @@ from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 from flexarm_core.patience import Patience
-from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.experiments.catalogue import experiment, on_rig
 from flexarm_live.graph.command_lines import identify_line, shown, tune_line
 from flexarm_live.graph.computation import Computation
 from flexarm_live.graph.situation import EXPERIMENT
@@ -66,18 +66,10 @@ class Chain:
         newest : callable
             Returns the number of the newest sample.
         """
-        entry = experiment(name)
+        entry = on_rig(experiment(name), self._rig)
         rig: dict[str, float] = {}
-        samples = entry.samples
         if is_thesis_arm(self._rig):
             rig = {"rate_hz": float(entry.rate_hz), "payload_kg": float(entry.payload_kg)}
-        elif entry.closed_loop:
-            raise FlexarmError(
-                f"experiment {name}: its law is one of the thesis's arm, and {self._rig.name} is "
-                "another: choose one in open loop"
-            )
-        else:
-            samples = round(entry.length_s * self._rig.rate_hz)
 
         async def work(report: Report) -> Mapping[str, Any]:
             if reason := self._held():
@@ -94,8 +86,8 @@ class Chain:
                 await self._give_command(entry)
                 bag = (await record(True)).data  # noqa: FBT003 - a field of a request
                 try:
-                    await self._loop.restart_sampling(rig, samples=samples)
-                    await self._sampled(samples, newest, report)
+                    await self._loop.restart_sampling(rig, samples=entry.samples)
+                    await self._sampled(entry.samples, newest, report)
                 finally:
                     await asyncio.shield(record(False))  # noqa: FBT003 - a field of a request
             finally:

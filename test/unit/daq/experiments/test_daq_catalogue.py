@@ -7,7 +7,14 @@ from collections import Counter
 
 import pytest
 
-from flexarm_daq.experiments.catalogue import CatalogueError, Experiment, catalogue, experiment
+from flexarm_core.rig_description import load_rig
+from flexarm_daq.experiments.catalogue import (
+    CatalogueError,
+    Experiment,
+    catalogue,
+    experiment,
+    on_rig,
+)
 from flexarm_daq.experiments.excitation import EXCITATIONS
 
 # Name: datafile, samples, gains (kp, kd, c), payload in g, reference in V, period or range in s.
@@ -109,3 +116,13 @@ def test_name___is_taken_as_people_write_it(name: str) -> None:
 def test_unknown_name___is_refused_with_what_there_is() -> None:
     with pytest.raises(CatalogueError, match=r"'X_dat1'; there are O_dat1 to O_dat14, B_dat1 to"):
         experiment("X_dat1")
+
+
+def test_experiment___on_another_rig___has_its_rate_and_the_same_length() -> None:
+    rig = load_rig("mujoco-two-link")
+    entry = on_rig(experiment("B_dat1"), rig)
+    assert entry.rate_hz == pytest.approx(500.0)
+    assert entry.length_s == pytest.approx(experiment("B_dat1").length_s)
+    assert on_rig(experiment("C_dat3"), load_rig("thesis")) is experiment("C_dat3")
+    with pytest.raises(CatalogueError, match="C_dat3: its law is one of the thesis's arm"):
+        on_rig(experiment("C_dat3"), rig)

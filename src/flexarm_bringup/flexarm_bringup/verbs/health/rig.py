@@ -14,6 +14,7 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
+from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import SettingError
 from flexarm_core.rig_description import (
     INPUT_QUANTITIES,
@@ -23,6 +24,8 @@ from flexarm_core.rig_description import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from flexarm_core.rig_description import Output, RigDescription
     from flexarm_daq.drivers.at_rest import RestReading
 
@@ -113,6 +116,12 @@ def check_at_rest(description: RigDescription, folder: Path) -> dict[str, str]:
             f"caution: the rate is {100.0 * off:.1f} % off rate_hz = {description.rate_hz:g}: so "
             "would be every identified frequency"
         )
+    checked = is_thesis_arm(description) or description.safety.stuck_samples
+    if not checked and all(_has_noise(description, reading)):
+        terminal.note(
+            "every output has noise: stuck_samples: 30 under safety holds the drive when one "
+            "stands still"
+        )
     faults = {
         output.name: _fault(output, reading.values(channel, output))
         for channel, output in enumerate(description.outputs)
@@ -159,6 +168,12 @@ def _table(rig: RigDescription, reading: RestReading) -> Table:
             _remark(output, values),
         )
     return table
+
+
+def _has_noise(rig: RigDescription, reading: RestReading) -> Iterator[bool]:
+    for channel, output in enumerate(rig.outputs):
+        if not output.absent:
+            yield bool(np.ptp(reading.raw[:, channel]) > 0.0)
 
 
 def _remark(output: Output, values: np.ndarray) -> str:

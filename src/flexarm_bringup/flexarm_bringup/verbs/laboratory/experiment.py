@@ -11,7 +11,7 @@ from rich.table import Table
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.quantity import MASS_KG, Quantity
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.verbs.laboratory.options import ARM, PARAMETER_FILES, paced
+from flexarm_bringup.verbs.laboratory.options import ARM, PARAMETER_FILES, RIG, paced
 from flexarm_daq.experiments import catalogue as experiments
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def _run_options(function: Callable[..., None]) -> Callable[..., None]:
             help="Folder that gets a bag for each.",
         ),
         click.option("--overwrite", is_flag=True, help="Replace bags that are there."),
+        RIG,
         PARAMETER_FILES,
         ARM,
     )
@@ -67,12 +68,15 @@ def _run_options(function: Callable[..., None]) -> Callable[..., None]:
     "experiment B_dat9 --fast --seed 7",
     "experiment C_dat3 --payload 200g",
     "experiment O_dat2 --params-file rig.yaml",
+    "experiment O_dat9 --rig my_arm.yaml",
 )
 def experiment(names: tuple[str, ...], **settings: Any) -> None:  # noqa: ANN401
     """Run experiments of the thesis, a bag for each.
 
     The simulated arm's time follows the wall clock and waits for a machine that is late: no sample
     is lost. A board runs in real time.
+
+    Another arm has those in open loop, at its own rate: the limits of its inputs stand for 10 V.
     """
     entries = [experiments.experiment(name) for name in names]
     _run(entries, settings)

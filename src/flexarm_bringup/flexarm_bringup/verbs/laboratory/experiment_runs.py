@@ -8,15 +8,21 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flexarm_bags.check import check_bag
 from flexarm_bags.metadata import BAG_FILES
 from flexarm_bringup.console import terminal
-from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.graph.laboratory import recorded_topics, running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
+from flexarm_bringup.verbs.laboratory.options import USUAL_RIG, told_rig
+from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import reason
 from flexarm_core.outputs import require_folder
+from flexarm_core.rig_description import load_rig
+from flexarm_daq.experiments.catalogue import on_rig
 from flexarm_daq.loop.limiter import LimiterSettings
 from flexarm_ident.provenance import samples_hash
 
@@ -27,6 +33,8 @@ if TYPE_CHECKING:
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.runs.pace import Pace
     from flexarm_bringup.runs.recorded_run import RecordedRun
+    from flexarm_core.arrays import FloatArray
+    from flexarm_core.rig_description import RigDescription
     from flexarm_daq.experiments.catalogue import Experiment
 
 MANIFEST = "experiments.json"
@@ -52,6 +60,8 @@ class ExperimentSettings:
         experiment come after them.
     namespace : str
         Namespace of the arm.
+    rig : str
+        Name or file of its description.
     payload_kg : float, optional
         Payload instead of the experiment's own.
     """
@@ -62,6 +72,7 @@ class ExperimentSettings:
     overwrite: bool
     parameter_files: tuple[Path, ...]
     namespace: str
+    rig: str = USUAL_RIG
     payload_kg: float | None = None
 
 
@@ -74,11 +85,27 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     ------
     LaunchError
         For a repeated name, an existing bag, an unreadable manifest or an incomplete record.
+    CatalogueError
+        When the rig does not have an experiment.
     """
+    rig = load_rig(settings.rig)
+    if settings.payload_kg and not is_thesis_arm(rig):
+        raise LaunchError(f"--payload loads the thesis's arm, and {rig.name} is another")
+    entries = [on_rig(each, rig) for each in entries]
     folder = settings.folder.absolute()
     _make_room(folder, entries, overwrite=settings.overwrite)
     settings.pace.prepare()
-    parameters = {"daq": settings.pace.parameters() | {"seed": settings.seed}}
+    told = told_rig(settings.rig)
+    parameters: dict[str, dict[str, Any]] = {
+        "daq": settings.pace.parameters() | {"seed": settings.seed} | told,
+        "experiment": told,
+    }
+    nodes = _NODES
+    if not is_thesis_arm(rig):
+        # No law of the controller suits every rig.
+        nodes = tuple(each for each in _NODES if each != "controller")
+        parameters["daq"]["rate_hz"] = rig.rate_hz
+        parameters["recorder"] = {"topics": recorded_topics(is_thesis=False)}
     log = folder / "nodes.log"
     # A record is settled when the recorder has closed it: after the graph.
     with (
@@ -86,7 +113,7 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
         running_graph(
             parameters,
             log,
-            nodes=_NODES,
+            nodes=nodes,
             files=settings.parameter_files,
             namespace=settings.namespace,
         ) as (operator, _),
@@ -104,7 +131,7 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
             for problem in problems:
                 terminal.CONSOLE.print(f"  problem: {problem}")
             _describe(folder, entry, recorded, problems, settings)
-            _show_extent(recorded)
+            _show_extent(recorded, rig)
     count = len(entries)
     terminal.step(f"{count} bag{'s' * (count != 1)} in {settings.folder}, described in {MANIFEST}")
 
@@ -193,9 +220,16 @@ def _describe(
     draft.replace(folder / MANIFEST)
 
 
-def _show_extent(recorded: RecordedRun) -> None:
+def _show_extent(recorded: RecordedRun, rig: RigDescription) -> None:
     """Print how far the arm and the command went."""
     data = recorded.reading.data
+    if not is_thesis_arm(rig):
+        for channels, values in ((rig.inputs, data.u), (rig.outputs, data.y)):
+            for channel, (low, high) in zip(channels, _ends(values), strict=True):
+                terminal.CONSOLE.print(
+                    f"  {channel.name} from {low:.3g} to {high:.3g} {channel.unit}"
+                )
+        return
     largest_v = abs(data.y[:, 0]).max()
     terminal.CONSOLE.print(
         f"  position within {largest_v:.2f} V, command {abs(data.u).max():.2f} V"
@@ -205,3 +239,8 @@ def _show_extent(recorded: RecordedRun) -> None:
         terminal.CONSOLE.print(
             f"  note: the arm came past {bound_v:g} V, where no command drives it further outward"
         )
+
+
+def _ends(values: FloatArray) -> Iterator[tuple[float, float]]:
+    """Yield the least and largest value of each channel."""
+    return zip(np.nanmin(values, axis=0), np.nanmax(values, axis=0), strict=True)

@@ -35,6 +35,14 @@ ARM = click.option(
     callback=_absolute,
     help="Which arm: the namespace of its nodes.",
 )
+USUAL_RIG = "simulated"
+RIG = click.option(
+    "--rig",
+    default=USUAL_RIG,
+    show_default=True,
+    metavar="NAME|FILE",
+    help="Arm: the name or the file of a rig description (`flexarm rig new` writes one).",
+)
 PAYLOAD = click.option(
     "--payload",
     "payload_kg",
@@ -56,6 +64,16 @@ REAL_TIME = click.option(
     is_flag=True,
     help="Hard real time, as with a board: what a busy machine is late for is lost.",
 )
+
+
+def told_rig(rig: str) -> dict[str, str]:
+    """Return the parameter of a node that tells its rig; none for the usual one.
+
+    Parameter files may name another driver for the thesis's arm.
+    """
+    if rig == USUAL_RIG:
+        return {}
+    return {"rig": str(Path(rig).absolute()) if Path(rig).is_file() else rig}
 
 
 def paced(function: Callable[..., None]) -> Callable[..., None]:

@@ -30,7 +30,10 @@ from flexarm_bringup.verbs.laboratory.options import (
     PARAMETER_FILES,
     PAYLOAD,
     REAL_TIME,
+    RIG,
+    USUAL_RIG,
     chosen_pace,
+    told_rig,
 )
 from flexarm_bringup.verbs.laboratory.set_since import SetSince
 from flexarm_bringup.verbs.laboratory.viewers import (
@@ -59,7 +62,6 @@ _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
 # It commands in open loop, when a page asks for such an experiment.
 _IDLE = ("experiment",)
-_USUAL_RIG = "simulated"
 _RATE, _SHAPER_RATE = "rate_hz", "shaper_rate_hz"
 
 
@@ -96,13 +98,7 @@ class _Settings:
     metavar="FREQUENCY",
     help="Hz; 300 for the thesis's arm, that of the description for another rig.",
 )
-@click.option(
-    "--rig",
-    default=_USUAL_RIG,
-    show_default=True,
-    metavar="NAME|FILE",
-    help="Arm: the name or the file of a rig description (`flexarm rig new` writes one).",
-)
+@RIG
 @click.option(
     "--twin",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
@@ -171,6 +167,8 @@ def up(
     then. The end of the DAQ node is that of all.
     """
     if twin is not None:
+        if rig != USUAL_RIG:
+            raise click.UsageError("--rig and --twin each name an arm: name one")
         rig = str(twin_rig(twin))
     description = load_rig(rig)
     is_thesis = is_thesis_arm(description)
@@ -180,31 +178,43 @@ def up(
         rate_hz = 300.0 if rig in SHORT_NAMES else description.rate_hz
     chosen = _Settings(
         pace=chosen_pace(real_time=real_time),
-        rig=str(Path(rig).absolute()) if Path(rig).is_file() else rig,
+        rig=rig,
         rate_hz=rate_hz,
-        law=law or _usual_law(settings["controller"], is_thesis=is_thesis),
+        law=_law(law, settings["controller"], is_thesis=is_thesis),
         **settings,
     )
     _run_graph(chosen)
 
 
-def _usual_law(controller: Path | None, *, is_thesis: bool) -> str:
-    if controller is not None:
-        return SERVO
-    return "pdpc" if is_thesis else "pd"
+def _law(asked: str | None, controller: Path | None, *, is_thesis: bool) -> str:
+    if controller is None:
+        return asked or ("pdpc" if is_thesis else "pd")
+    if asked not in (None, SERVO):
+        raise click.UsageError(f"--controller is one of law {SERVO}, not of {asked}: name one")
+    return SERVO
 
 
 def twin_rig(model: Path) -> Path:
-    """Write the description of a model's twin, where there is none, and say where it is."""
+    """Write the description of a model's twin and say where it is; a changed one stays."""
     from flexarm_control.twin import twin_description  # noqa: PLC0415 - others load no models
 
     file = Path("out", "twin", f"{model.absolute().parent.name}.yaml")
+    made = twin_description(model)
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(twin_description(model), encoding="utf-8")
+        file.write_text(made, encoding="utf-8")
+    described = load_rig(file)
+    other = str(described.settings.get("model", ""))
+    if (file.parent / other).resolve() != model.resolve():
+        raise click.UsageError(
+            f"--twin: {file} describes the twin of another model, {other or 'none'}: start it by "
+            f"--rig {file}, or remove it"
+        )
     terminal.CONSOLE.print(
         as_called(f"the arm is described in {file}: change it, then --rig {file}")
     )
+    if described.text != made:
+        terminal.note(f"{file} is not what the model tells now: remove it to have it written anew")
     return file
 
 
@@ -216,8 +226,7 @@ def _run_graph(settings: _Settings) -> None:
         raise LaunchError(f"{bag} is there already and is not overwritten: choose another name")
     if bag:
         require_folder(bag.parent, "--bag")
-    # The thesis's arm simulated is the default, and parameter files may name another driver.
-    rig = {} if settings.rig == _USUAL_RIG else {"rig": settings.rig}
+    rig = told_rig(settings.rig)
     daq = {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz}
     parameters = {
         "daq": daq | settings.pace.parameters() | rig,
@@ -231,7 +240,9 @@ def _run_graph(settings: _Settings) -> None:
         parameters[PAGE_NODE] = settings.page.parameters() | rig
     if settings.foxglove_port is not None:
         nodes = (*nodes, FOXGLOVE_NODE)
-        parameters[FOXGLOVE_NODE] = foxglove_parameters(settings.foxglove_port, settings.rig)
+        parameters[FOXGLOVE_NODE] = foxglove_parameters(
+            settings.foxglove_port, rig.get("rig", USUAL_RIG)
+        )
     with TemporaryDirectory(prefix="flexarm_") as folder:
         log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
         complaints = _Complaints(log)

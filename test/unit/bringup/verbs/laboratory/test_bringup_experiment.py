@@ -10,7 +10,9 @@ from click.testing import CliRunner
 
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.laboratory.experiment import catalogue
+from flexarm_bringup.verbs.laboratory.experiment import experiment as verb
 from flexarm_bringup.verbs.laboratory.experiment_runs import _make_room
+from flexarm_core.errors import FlexarmError
 from flexarm_daq.experiments.catalogue import catalogue as experiments
 from flexarm_daq.experiments.catalogue import experiment
 
@@ -60,3 +62,21 @@ def test_overwriting___folder_with_something_else___is_refused_by_its_name(
     a_folder(tmp_path, "metadata.yaml", "O_dat2_0.mcap", name)
     with pytest.raises(LaunchError, match=f"O_dat2/{name} is no part of a bag: move it away"):
         _make_room(tmp_path, [experiment("O_dat2")], overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("C_dat3",), "its law is one of the thesis's arm"),
+        (("B_dat1", "--payload", "0.2"), "--payload loads the thesis's arm"),
+    ],
+)
+def test_experiment___that_another_rig_does_not_have___is_refused(
+    tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    with pytest.raises(FlexarmError, match=said):
+        verb.main(
+            [*arguments, "--rig", "mujoco-two-link", "-o", str(tmp_path / "new")],
+            standalone_mode=False,
+        )
+    assert not (tmp_path / "new").exists()
