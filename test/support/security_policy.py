@@ -52,6 +52,10 @@ _ENCLAVES = {
 """Enclaves of a node that has others than its own."""
 
 
+OTHER_RIGS = {"state": "io", "command": "io_command", "reference": "io_reference"}
+"""Topics of the thesis's arm, and those in their places on another rig."""
+
+
 class Rule(NamedTuple):
     """Kind of name, and what is allowed with it."""
 
@@ -108,9 +112,13 @@ def uses_by_node(graph: Graph) -> dict[str, Uses]:
     """Return what every node of an arm may use, by its full name, those of the verbs too."""
     full_name = graph.operator.full_name
     uses = {full_name(name): uses_of(graph.node, full_name(name)) for name in NODE_NAMES}
-    # Any node may be told to go by this clock, and any recording be played.
+    # Any node may be told to go by this clock, any rig be driven, and any recording be played.
     for each in uses.values():
         each[SUBSCRIBE].add(_CLOCK)
+        for rule in (PUBLISH, SUBSCRIBE):
+            each[rule] |= {
+                full_name(other) for own, other in OTHER_RIGS.items() if full_name(own) in each[rule]
+            }
     uses[full_name("player")][PUBLISH] |= uses[full_name("recorder")][SUBSCRIBE]
     return uses | {full_name(name): _of_verbs(graph, uses, name) for name in (OPERATOR, REMOTE)}
 
@@ -124,7 +132,7 @@ def _of_verbs(graph: Graph, uses: Mapping[str, Uses], name: str) -> Uses:
     own = uses_of(graph.node, graph.node.get_fully_qualified_name())
     full_name = graph.operator.full_name
     return {
-        PUBLISH: {*own[PUBLISH], full_name("reference")},
+        PUBLISH: {*own[PUBLISH], *map(full_name, ("reference", OTHER_RIGS["reference"]))},
         SUBSCRIBE: every[PUBLISH],
         REPLY: {
             each.replace(full_name(graph.node.get_name()), full_name(name)) for each in own[REPLY]
