@@ -117,7 +117,9 @@ def uses_by_node(graph: Graph) -> dict[str, Uses]:
         each[SUBSCRIBE].add(_CLOCK)
         for rule in (PUBLISH, SUBSCRIBE):
             each[rule] |= {
-                full_name(other) for own, other in OTHER_RIGS.items() if full_name(own) in each[rule]
+                full_name(other)
+                for own, other in OTHER_RIGS.items()
+                if full_name(own) in each[rule]
             }
     uses[full_name("player")][PUBLISH] |= uses[full_name("recorder")][SUBSCRIBE]
     return uses | {full_name(name): _of_verbs(graph, uses, name) for name in (OPERATOR, REMOTE)}

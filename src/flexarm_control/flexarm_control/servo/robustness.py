@@ -16,7 +16,7 @@ import scipy
 
 from flexarm_control.servo.regulator import design_regulator, loop_radius
 from flexarm_core.errors import SettingError
-from flexarm_ident.models.state_space import with_matrices
+from flexarm_ident.models.state_space import state_space, with_matrices
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ SPREAD = 0.2
 VIBRATES = 0.3
 """Damping ratio below which a mode is a vibration."""
 BELOW_VIBRATION = 3.0
-"""Frequency of the slowest vibration over the largest bandwidth: a faster plan would excite it."""
+"""Frequency of the slowest vibration over the largest bandwidth: a faster loop would excite it."""
 _SAMPLES = 20.0
 _STEP = 2.0**0.5
 _HALVINGS = 3
@@ -117,9 +117,19 @@ def with_modes(plant: control.StateSpace, factors: Mapping[complex, complex]) ->
     return with_matrices(plant, A=A)
 
 
-def slowest_vibration_hz(plant: control.StateSpace) -> float:
-    """Return the frequency of the slowest vibration, Hz; infinite without one."""
-    speeds = [abs(np.log(value)) for value in vibrations(plant)]
+def slowest_vibration_hz(plant: control.StateSpace, tracked: Sequence[int]) -> float:
+    """Return the frequency of the slowest vibration, Hz; infinite without one.
+
+    It is one of the free plant, or one with as many tracked outputs as inputs held: the faster they
+    are controlled, the nearer do poles of the loop come to these zeros (the arm then swings as if
+    its hub was clamped).
+    """
+    values = np.linalg.eigvals(plant.A).astype(complex)
+    if len(tracked) == plant.ninputs:
+        rows = list(tracked)
+        held = state_space(plant.A, plant.B, plant.C[rows], plant.D[rows], float(plant.dt))
+        values = np.concatenate([values, held.zeros().astype(complex)])
+    speeds = [abs(np.log(value)) for value in _vibrating(values)]
     return float(min(speeds, default=np.inf) / (2.0 * np.pi * plant.dt))
 
 
@@ -195,7 +205,7 @@ def choose_bandwidth(
     SettingError
         When no bandwidth has such a margin.
     """
-    highest_hz, reason = _highest(plants)
+    highest_hz, reason = _highest(plants, tracked)
     tries = _Tries(plants, tracked, limits, robustness)
     high_hz = highest_hz
     while (best := tries.suffices(high_hz)) is None:
@@ -270,14 +280,15 @@ class _Tries:
         )
 
 
-def _highest(plants: Mapping[str, control.StateSpace]) -> tuple[float, str]:
+def _highest(plants: Mapping[str, control.StateSpace], tracked: Sequence[int]) -> tuple[float, str]:
     """Return the largest bandwidth that is tried, and why."""
-    vibration_hz = min(map(slowest_vibration_hz, plants.values()))
+    vibration_hz = min(slowest_vibration_hz(plant, tracked) for plant in plants.values())
     rate_hz = 1.0 / float(next(iter(plants.values())).dt)
     if vibration_hz / BELOW_VIBRATION < rate_hz / _SAMPLES:
         return (
             vibration_hz / BELOW_VIBRATION,
-            f"the slowest vibration, {vibration_hz:.3g} Hz: a faster plan would excite it",
+            f"the slowest vibration, {vibration_hz:.3g} Hz with the tracked outputs free or held: a "
+            "faster loop would excite it",
         )
     return rate_hz / _SAMPLES, f"the rate, {rate_hz:.4g} Hz: {_SAMPLES:.0f} samples for a period"
 
@@ -322,8 +333,13 @@ def _all(plants: Mapping[str, control.StateSpace]) -> dict[str, control.StateSpa
 
 def vibrations(plant: control.StateSpace) -> list[complex]:
     """Return the eigenvalues of vibrations with positive imaginary part."""
+    return _vibrating(np.linalg.eigvals(plant.A).astype(complex))
+
+
+def _vibrating(values: ComplexArray) -> list[complex]:
+    """Return those of some eigenvalues or zeros that vibrate, with positive imaginary part."""
     found = []
-    for value in np.linalg.eigvals(plant.A).astype(complex).tolist():
+    for value in values.tolist():
         speed = np.log(value) if value.imag > 0.0 else 0.0
         if value.imag > 0.0 and -speed.real < VIBRATES * abs(speed):
             found.append(value)

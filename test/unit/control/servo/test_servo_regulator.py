@@ -16,9 +16,12 @@ from flexarm_control.servo.regulator import (
     tracked_outputs,
 )
 from flexarm_control.servo.robustness import (
+    BELOW_VIBRATION,
+    choose_bandwidth,
     loop_frequencies_hz,
     loop_margin,
     sensitivities,
+    slowest_vibration_hz,
     variations,
 )
 from flexarm_core.errors import SettingError
@@ -42,6 +45,17 @@ def test_design_regulator___other_units___gives_the_same_loop() -> None:
     )
 
     assert other.disk == pytest.approx(one.disk, rel=1e-4)
+
+
+def test_slowest_vibration___of_a_hub___is_that_with_the_hub_held() -> None:
+    # 20 / s^2 + 0.8 * 60 / (s^2 + w^2) is zero at w sqrt(20 / 68).
+    plant = bending_arm(outputs=1)
+    assert slowest_vibration_hz(plant, [0]) == pytest.approx(8.0 * math.sqrt(20.0 / 68.0), rel=1e-2)
+    assert slowest_vibration_hz(plant, []) == pytest.approx(8.0, rel=1e-6)
+    choice = choose_bandwidth(
+        {"arm": loop_plant(plant)}, [0], robustness=0.1, limits=np.array([np.inf])
+    )
+    assert choice.regulator.bandwidth_hz <= slowest_vibration_hz(plant, [0]) / BELOW_VIBRATION
 
 
 def test_loop_margin___one_input___is_that_of_python_control() -> None:

@@ -100,7 +100,7 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
         "daq": settings.pace.parameters() | {"seed": settings.seed} | told,
         "experiment": told,
     }
-    nodes = _NODES
+    nodes: tuple[str, ...] = _NODES
     if not is_thesis_arm(rig):
         # No law of the controller suits every rig.
         nodes = tuple(each for each in _NODES if each != "controller")
