@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -15,7 +17,6 @@ from flexarm_ident.models.files import load_model, load_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
     import control
 
@@ -52,7 +53,8 @@ class TwinRig:
     Parameters
     ----------
     model : str
-        File of the model; a relative one is in the folder of the description.
+        File of the model; a relative one is in the folder of the description. Or a packaged model,
+        ``quanser_2dsfl``.
     noise : sequence of float, optional
         Standard deviation of each output; none by default.
     seed : int
@@ -77,7 +79,8 @@ class TwinRig:
         rig: RigDescription,
         folder: Path,
     ) -> None:
-        path = folder / model
+        packaged = Path(str(files("flexarm_control.models"))) / "identified" / f"{model}.yaml"
+        path = packaged if packaged.is_file() else folder / model
         plant = load_model(path)
         _require_signals(plant, rig, path)
         if len(noise) not in (0, len(rig.outputs)):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_control.twin import TwinRig, twin_description
-from flexarm_core.rig_description import described
+from flexarm_core.rig_description import described, load_rig
 from flexarm_ident.friction.dry_friction import (
     Dependence,
     DryFriction,
@@ -60,3 +60,16 @@ def test_twin___with_friction___moves_as_its_simulation(
     np.testing.assert_allclose(y, wanted, rtol=0.0, atol=1e-12)
     if dependence or yielding:
         assert np.abs(wanted - plain).max() > 1e-4
+
+
+def test_twin_of_a_packaged_rig___stands_at_rest_and_turns_with_its_motor() -> None:
+    rig = load_rig("quanser-2dsfl")
+    twin = TwinRig(**rig.settings, rig=rig, folder=Path("nowhere"))
+    twin.open()
+    # Below the friction of both joints, then above that of the shoulder.
+    for current1_a, moves in ((0.1, False), (0.3, True)):
+        twin.write([current1_a, 0.1])
+        for _ in range(100):
+            outputs = twin.read().outputs
+        assert (abs(outputs[0]) > 1.0) is moves
+        assert abs(outputs[2]) < 1.0

@@ -287,8 +287,7 @@ def _highest(plants: Mapping[str, control.StateSpace], tracked: Sequence[int]) -
     if vibration_hz / BELOW_VIBRATION < rate_hz / _SAMPLES:
         return (
             vibration_hz / BELOW_VIBRATION,
-            f"the slowest vibration, {vibration_hz:.3g} Hz with the tracked outputs free or held: a "
-            "faster loop would excite it",
+            f"the slowest vibration, {vibration_hz:.3g} Hz: a faster loop would excite it",
         )
     return rate_hz / _SAMPLES, f"the rate, {rate_hz:.4g} Hz: {_SAMPLES:.0f} samples for a period"
 
