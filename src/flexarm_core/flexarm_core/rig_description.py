@@ -354,12 +354,11 @@ def described(text: str, file: str = "rig.yaml") -> RigDescription:
             "input at most",
             "tracked",
         )
-    angles = {each.angle for each in joints}
+    free = set(tracked) - {each.angle for each in joints}
     for each in outputs:
-        if each.name in tracked and each.name not in angles and not _is_bounded(each):
+        if each.name in free and not math.isfinite(each.high - each.low):
             top.refuse(
-                f"tracked: {each.name} is no joint's angle and needs a range, where its set-points "
-                "lie",
+                f"tracked: {each.name} is no joint's angle and needs a range for its set-points",
                 "tracked",
             )
     rig = RigDescription(
@@ -376,10 +375,6 @@ def described(text: str, file: str = "rig.yaml") -> RigDescription:
     )
     top.end()
     return rig
-
-
-def _is_bounded(output: Output) -> bool:
-    return math.isfinite(output.low) and math.isfinite(output.high)
 
 
 def _some(top: Section, name: str) -> Iterator[Section]:
