@@ -71,5 +71,5 @@ def test_twin_of_a_packaged_rig___stands_at_rest_and_turns_with_its_motor() -> N
         twin.write([current1_a, 0.1])
         for _ in range(100):
             outputs = twin.read().outputs
-        assert (abs(outputs[0]) > 1.0) is moves
+        assert bool(abs(outputs[0]) > 1.0) is moves
         assert abs(outputs[2]) < 1.0
