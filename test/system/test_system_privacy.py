@@ -137,7 +137,7 @@ def test_up___listens_on_loopback_alone_and_so_do_its_nodes(graph: Graph) -> Non
     seen = addresses_until(graph, lambda: "/#token=" in process.printed)
 
     with_sockets = [addresses for addresses in seen.values() if addresses]
-    assert with_sockets == [{_LOOPBACK}] * 7
+    assert with_sockets == [{_LOOPBACK}] * 6
     assert all(graph.survivors(executable(name).name) for name in ("recorder", "ident", "live"))
 
 
