@@ -118,16 +118,14 @@ def identify(
         records, excerpts, method, order, singular_value_threshold, block_rows, stable, report
     )
     chosen, found = fit.model(feedthrough=feedthrough is True)
-    asked = feedthrough is None and found.likelihood is None
-    feedthrough = bool(feedthrough)
-    if asked and calls_for_feedthrough(chosen, excerpts, stable=stable):
-        feedthrough = True
+    open_and_missed = feedthrough is None and found.likelihood is None
+    if open_and_missed and calls_for_feedthrough(chosen, excerpts, stable=stable):
         found = fit.model(feedthrough=True)[1]
     report("fit", 1.0)
     if not fit.in_memory:
         return found
     if friction:
-        replaceable = method == AUTO and order is None and not feedthrough
+        replaceable = method == AUTO and order is None and feedthrough is not True
         found = with_friction(found, replaceable=replaceable, progress=progress)
     if refine and found.friction is None and found.likelihood is None:
         order_open = order is None and singular_value_threshold is None

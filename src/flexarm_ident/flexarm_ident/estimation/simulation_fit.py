@@ -222,7 +222,7 @@ def _with_joints(found: Identification, progress: Progress | None) -> Identifica
 def _joint_levels(found: Identification) -> CoulombEstimate | None:
     """Return levels to start a fit of joints from, or None where there can be no such fit."""
     records = found.records
-    linear = is_stable(found.model.A) and not np.any(found.model.D) and found.likelihood is None
+    linear = is_stable(found.model.A) and found.likelihood is None
     whole = len(records) == 1 and bool(records[0].usable.all()) and not is_compensated(records)
     drives = joints(records) if linear and whole else None
     if drives is None or is_defective(modal_form(found.model).vectors):

@@ -20,12 +20,17 @@ import scipy
 
 from flexarm_ident.fitting.levenberg_marquardt import Normal
 from flexarm_ident.fitting.modal_parameters import ModalParameters
-from flexarm_ident.fitting.output_fit import fit_initial_states
+from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs
 from flexarm_ident.fitting.validation import relative_errors
 from flexarm_ident.friction.dry_friction import DryFriction, Yielding, simulate_with_friction
 from flexarm_ident.friction.layout import drive_columns
 from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.state_space import INTEGRATOR_RADIUS, NEAR_ONE, state_space
+from flexarm_ident.models.state_space import (
+    INTEGRATOR_RADIUS,
+    NEAR_ONE,
+    state_space,
+    with_matrices,
+)
 from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:
@@ -46,6 +51,8 @@ _ITERATIONS, _FIRST_ITERATIONS = 7, 40
 _TOLERANCE = 2e-4
 # Rows in which a guided prediction settles.
 _SETTLING = 50
+# Distance from 1 of the eigenvalues of a joint's rigid motion, at most.
+_SLOW_MOTION = 2e-3
 _CHUNK = 1024
 _PAST = 20
 # A start: friction that takes half of the speed in a sample, and nearly all of the rest.
@@ -236,7 +243,7 @@ def fit_joints(
     Parameters
     ----------
     model : control.StateSpace
-        Linear start without feedthrough, with a basis of eigenvectors.
+        Linear start with a basis of eigenvectors. A feedthrough is left out of the fit.
     x0 : ndarray, (states,)
         Its initial state.
     record : IoData
@@ -254,7 +261,8 @@ def fit_joints(
         None where the search comes to no finite simulation.
     """
     leading = record.head(round(_LEADING * len(record)))
-    problem = _GuidedError(model, leading, levels, drives)
+    start, x0 = _own_start(model, x0, record)
+    problem = _GuidedError(start, leading, levels, drives)
     problem.weight = 1.0 / _innovation(record)
     theta = problem.start(x0, levels)
     try:
@@ -285,6 +293,38 @@ def fit_joints(
         simulated = y - problem.errors(chosen)[rest]
     linear = simulate(model, record.u, fit_initial_states(model, [record])[0])[rest]
     return _result(problem, found, relative_errors(y, simulated), relative_errors(y, linear))
+
+
+def _own_start(
+    model: control.StateSpace, x0: FloatArray, record: IoData
+) -> tuple[control.StateSpace, FloatArray]:
+    """Return the start of the search with its initial state: without feedthrough, and with a pair.
+
+    Friction acts within the sample as well, and D is its image in a linear model.
+    """
+    A = _rigid_as_pair(model.A)
+    if A is model.A and not np.any(model.D):
+        return model, x0
+    fit = fit_inputs(A, model.C, [record])
+    return with_matrices(model, A=A, B=fit.B, D=np.zeros_like(model.D)), fit.x0[0]
+
+
+def _rigid_as_pair(A: FloatArray) -> FloatArray:
+    """Return A with a pair in place of two real eigenvalues next to 1, of the same sum.
+
+    Position and speed of a joint with little viscous friction have nearly the same eigenvector
+    there, so that a search for two modes of their own soon loses both.
+    """
+    T, Z, near = scipy.linalg.schur(
+        A, sort=lambda real, imag: imag == 0.0 and abs(real - 1.0) < _SLOW_MOTION
+    )
+    if near != 2 or T[1, 0] != 0.0 or T[0, 1] == 0.0:  # noqa: PLR2004 (a pair)
+        return A
+    mean, half = 0.5 * (T[0, 0] + T[1, 1]), 0.5 * abs(T[0, 0] - T[1, 1])
+    half = max(half, 1.0 - INTEGRATOR_RADIUS)
+    T[0, 0] = T[1, 1] = min(mean, 1.0 - half)
+    T[1, 0] = -(half**2) / T[0, 1]
+    return np.asarray(Z @ T @ Z.T)
 
 
 def _innovation(record: IoData) -> FloatArray:

@@ -90,8 +90,8 @@ def joints(records: Sequence[IoData]) -> tuple[Drive, ...] | None:
     """Return the output that tells each input's joint, the slowest that its input works on.
 
     It need not be slower than the others, as in `arm_layout`: gyroscopes and accelerometers may be
-    among them, and joints of different pace. None where there is no output more than inputs, or an
-    input works on none.
+    among them, and joints of different pace. A joint that turns freely takes little work, so that
+    none is asked for. None where there is no output more than inputs.
     """
     found = _assigned(records)
     return None if found is None else found[0].drives
@@ -114,8 +114,7 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
     apart = bool(np.max((pace / size)[positions]) <= _SLOW * slowest_other)
     work = np.abs(_correlation(u, speed[:, positions]))
     inputs, own = scipy.optimize.linear_sum_assignment(-work)
-    if np.min(work[inputs, own]) < _WORK:
-        return None
+    apart = apart and bool(np.min(work[inputs, own]) >= _WORK)
     drives = tuple(
         Drive(first.inputs[i], first.outputs[positions[j]])
         for i, j in zip(inputs, own, strict=True)

@@ -18,7 +18,7 @@ from flexarm_ident.friction.dry_friction import (
 )
 from flexarm_ident.friction.guided_steps import guided_steps
 from flexarm_ident.friction.joint_fit import fit_joints
-from flexarm_ident.friction.layout import joints
+from flexarm_ident.friction.layout import Drive, joints
 from flexarm_ident.models.files import save_model
 from flexarm_ident.models.state_space import state_space
 
@@ -141,3 +141,14 @@ def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -
     deviation = fit.friction.level_deviations[0]
     assert abs(fit.friction.levels[0] - LEVEL) < 2.0 * deviation < 0.1 * LEVEL
     assert np.all(fit.error < 3.0 * 0.0015)
+
+
+def test_joints___hub_that_turns_freely___is_the_joint_of_its_torque() -> None:
+    rng = np.random.default_rng(4)
+    torque = rng.standard_normal((6000, 1))
+    speed = scipy.signal.lfilter([DT_S], [1.0, -0.9999], torque, axis=0)
+    hub = scipy.signal.lfilter([DT_S], [1.0, -0.9999], speed, axis=0)
+    bend = scipy.signal.lfilter([1.0], [1.0, -1.5, 0.9], torque, axis=0)
+    data = IoData(torque, np.hstack([hub, bend]), dt_s=DT_S, inputs=("u",), outputs=("hub", "bend"))
+
+    assert joints([data]) == (Drive("u", "hub"),)
