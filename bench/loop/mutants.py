@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 _ROOT = Path(__file__).parents[2]
-_LAWS = ("pd", "pdpc", "ilqr", "lqg", "pi", "switching")
+_LAWS = ("pdpc", "ilqr", "lqg", "pi", "switching")
 _BAGS = ("writer", "repair", "bounds", "check")
 _PAGE = ("access", "requests")
 SUBJECTS = {

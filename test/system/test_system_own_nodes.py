@@ -120,8 +120,8 @@ def test_own_commander___drives_the_arm_by_accepted_commands_and_gives_its_place
     assert loop.end_of(process) == 0, process.printed
     assert "the controller is back" in process.printed
     own, obeyed = figures(r"(\d+) commands, (\d+) samples with one in force", process)
-    # The controller began with number 1 too: the second one is the first that is obeyed.
-    assert obeyed == own - 2
+    # The controller began with number 1 too, and the last ones are not seen to be obeyed.
+    assert own - 5 <= obeyed < own
     assert loop.graph.state_of("controller") == "active"
     loop.graph.wait(lambda: 0 < loop.newest.command_sequence < own, "the controller in force")
     states = loop.recorded()
@@ -131,7 +131,9 @@ def test_own_commander___drives_the_arm_by_accepted_commands_and_gives_its_place
     begins = np.flatnonzero(in_force[1:] & ~in_force[:-1])
     assert len(begins) == 3
     of_own = slice(begins[1] + 1, begins[1] + 1 + int(obeyed))
-    assert (states.command_sequence[of_own] == np.arange(2, obeyed + 2)).all()
+    numbers = states.command_sequence[of_own]
+    assert numbers[0] <= own - obeyed + 1
+    assert (np.diff(numbers) == 1).all()
     assert np.abs(states.command_v[of_own]).max() > 0.5
     assert states.volts[of_own][-30:, 0].mean() == pytest.approx(1.5, abs=0.1)
 

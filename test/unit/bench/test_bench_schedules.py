@@ -100,7 +100,7 @@ def test_limiter___off_by_a_fifth___is_found(monkeypatch: pytest.MonkeyPatch) ->
 
     limits = limiter.LimiterSettings.limits
     monkeypatch.setattr(limiter.LimiterSettings, "limits", wide)
-    assert found(range(3), "the limit is") <= MOST_EVENTS
+    assert found(range(10), "the limit is") <= MOST_EVENTS
 
 
 def test_recorder___that_acknowledges_before_it_writes___is_found(

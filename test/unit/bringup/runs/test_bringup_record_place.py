@@ -147,7 +147,7 @@ def test_require_whole___unanswered_in_virtual_time___is_refused(tmp_path: Path)
 
 @pytest.mark.parametrize("lockstep", [False, True])
 def test_require_whole___ends_too_early___is_refused(tmp_path: Path, *, lockstep: bool) -> None:
-    with pytest.raises(LaunchError, match=r"^1 of 5 samples are not in the record: nodes\.log"):
+    with pytest.raises(LaunchError, match=r"^1 of 5 samples are not in the record: see nodes\.log"):
         require_whole(reading(tmp_path, [0, 1, 2, 3]), 5, lockstep=lockstep)
 
 
