@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.state_space import state_space
+from flexarm_ident.provenance import signal_fields
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -32,8 +34,6 @@ if TYPE_CHECKING:
 
 _PERIODS = 8.0
 _WIDTH = 0.05
-# The third differences of white noise have twenty times its power.
-_DIFFERENCES, _POWER = 3, 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,20 +50,26 @@ class Source:
         Friction at its inputs.
     record : IoData, optional
         Record from which it was identified.
+    facts : mapping of str to list of float
+        Ends and noise of the signals as its file has them, where there is no record; see
+        `flexarm_ident.provenance.signal_fields`.
     """
 
     name: str
     model: control.StateSpace
     friction: DryFriction | None = None
     record: IoData | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def signals(self) -> Mapping[str, Any]:
+        """Ends and noise of the signals of its record, or its file; empty for neither."""
+        return self.facts if self.record is None else signal_fields([self.record])
 
     @property
     def noise(self) -> FloatArray:
-        """Standard deviation of each output's noise; zeros without a record."""
-        if self.record is None:
-            return np.zeros(self.model.noutputs)
-        changes = np.diff(self.record.y, _DIFFERENCES, axis=0)
-        return np.asarray(np.sqrt(np.mean(changes**2, axis=0) / _POWER))
+        """Standard deviation of each output's noise; zeros where it is not known."""
+        return np.asarray(self.signals.get("noise_sd", np.zeros(self.model.noutputs)))
 
     def twin(self, delay_s: float) -> Twin:
         """Return the plant of a loop with this model."""
@@ -251,12 +257,13 @@ def _limits(sources: Sequence[Source], request: ServoRequest) -> tuple[FloatArra
         if not limit > 0.0:
             raise SettingError(f"--limit {name}={limit:g}: must be above zero")
     found, notes = np.full(len(names), np.inf), []
-    records = [each.record for each in sources if each.record is not None]
+    measured = [each.signals for each in sources if "input_low" in each.signals]
     for i, name in enumerate(names):
         if name in request.limits:
             found[i] = request.limits[name]
-        elif records:
-            found[i] = max(float(np.max(np.abs(record.u[:, i]))) for record in records)
+        elif measured:
+            ends = [each[end][i] for each in measured for end in ("input_low", "input_high")]
+            found[i] = float(np.max(np.abs(ends)))
             notes.append(
                 f"limit of {name}: {found[i]:.4g}, the largest command in the record; "
                 f"--limit {name}=VALUE says another"
@@ -268,9 +275,10 @@ def _limits(sources: Sequence[Source], request: ServoRequest) -> tuple[FloatArra
 
 def _steps(source: Source, tracked: Sequence[int]) -> FloatArray:
     """Return steps of the tracked outputs: half of what the record covers, else one unit."""
-    if source.record is None:
+    signals = source.signals
+    if "output_low" not in signals:
         return np.ones(len(tracked))
-    covered = np.ptp(source.record.y[:, list(tracked)], axis=0)
+    covered = (np.array(signals["output_high"]) - signals["output_low"])[list(tracked)]
     return np.where(covered > 0.0, 0.5 * covered, 1.0)
 
 

@@ -201,10 +201,11 @@ def _is_model(path: Path) -> bool:
 def _read(path: Path) -> Source:
     from flexarm_control.servo.job import Source  # noqa: PLC0415 - not for the help
     from flexarm_ident.friction.dry_friction import load_friction  # noqa: PLC0415
-    from flexarm_ident.models.files import load_model  # noqa: PLC0415
+    from flexarm_ident.models.files import load_model, load_parameters  # noqa: PLC0415
 
     file = path / "model.yaml" if path.is_dir() else path
-    return Source(str(path), load_model(file), load_friction(file))
+    facts = {key.rpartition(".")[2]: value for key, value in load_parameters(file).items()}
+    return Source(str(path), load_model(file), load_friction(file), facts=facts)
 
 
 def _identified(

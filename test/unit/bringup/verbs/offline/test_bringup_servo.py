@@ -51,6 +51,20 @@ def test_design___model___writes_controller_summary_report_and_c(
         assert word in (out / name).read_text("utf-8")
 
 
+def test_design___model_of_a_record___keeps_to_the_commands_of_the_record(tmp_path: Path) -> None:
+    file = tmp_path / "model.yaml"
+    ends = {"input_low": [-3.0], "input_high": [2.0]}
+    ends |= {"output_low": [-0.4, -1.0], "output_high": [0.6, 1.0], "noise_sd": [1e-4, 1e-4]}
+    save_model(file, bending_arm(), name="arm", provenance=ends)
+    words = [str(file), "--track", "hub", "--bandwidth", "1Hz", "-o", str(tmp_path / "out")]
+
+    done = CliRunner().invoke(design, words, catch_exceptions=False)
+
+    assert "limit of torque: 3, the largest command in the record" in done.output
+    controller = load_controller(tmp_path / "out" / "controller.yaml")
+    assert max(abs(controller.step([0.0, 0.0], [100.0])[0]) for _ in range(200)) <= 3.0 + 1e-9
+
+
 def test_design___auto___meets_the_margin_that_was_asked_for(model: Path, tmp_path: Path) -> None:
     words = [str(model), "--track", "hub", "--limit", "torque=3", "--robustness", "0.6"]
 
