@@ -17,7 +17,6 @@ from flexarm_bringup.graph.session import REMOTE, ros_domain, session
 from flexarm_bringup.graph.set_point import SetPoint
 from flexarm_core.nearest import nearest_node
 from flexarm_live.graph.node_parameters import own_names, shown
-from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
 
 if TYPE_CHECKING:
@@ -88,10 +87,7 @@ class GraphHand:
     def reference(self, value: float, joint: str = "") -> SetPoint:
         """Give the controller a set-point; return the one in force."""
         self._find("controller")
-        request = SetReference.Request(reference_v=value, joint=joint)
-        response = self._operator.call(SetReference, "set_reference", request)
-        if not response.success:
-            raise LaunchError(response.message)
+        response = self._operator.set_reference(value, joint)
         return SetPoint(float(response.reference_v), str(response.message))
 
     def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:

@@ -17,7 +17,7 @@ from flexarm_bringup.graph.processes import HeldDriveError, LaunchError
 from flexarm_bringup.graph.run_watch import RunWatch
 from flexarm_core.nearest import nearest
 from flexarm_core.patience import Patience
-from flexarm_msgs.srv import Identify
+from flexarm_msgs.srv import Identify, SetReference
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -114,6 +114,14 @@ class Operator(GraphClient):
         response = self.call(SetParametersAtomically, f"{name}/set_parameters_atomically", request)
         if not response.result.successful:
             raise LaunchError(f"{name} refused: {response.result.reason}")
+
+    def set_reference(self, value: float, joint: str = "") -> SetReference.Response:
+        """Give the controller a set-point; a `LaunchError` when it is refused."""
+        request = SetReference.Request(reference_v=value, joint=joint)
+        response: SetReference.Response = self.call(SetReference, "set_reference", request)
+        if not response.success:
+            raise LaunchError(str(response.message))
+        return response
 
     def values(self, name: str, parameters: tuple[str, ...]) -> dict[str, Any]:
         """Return parameters of a node by their names."""

@@ -19,6 +19,7 @@ from flexarm_core.errors import FlexarmError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flexarm_control.joint_laws import JointWay
     from flexarm_core.arrays import BoolArray, FloatArray
     from flexarm_core.rig_description import Joint, RigDescription
     from flexarm_ident.records.iodata import IoData
@@ -203,9 +204,9 @@ def soft_loop(answers: Sequence[PulseAnswer], rig: RigDescription) -> SoftLoop:
     return SoftLoop(kp, kd)
 
 
-def _volts(way: object) -> float:
+def _volts(way: JointWay) -> float:
     """Return the volts of position for one unit, times the units of the input for one volt."""
-    return way.volts_per_unit * way.per_volt  # type: ignore[attr-defined, no-any-return]
+    return way.volts_per_unit * way.per_volt
 
 
 def friction_levels(

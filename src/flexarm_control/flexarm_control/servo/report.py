@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_control.servo.job import ServoDesign
+    from flexarm_control.servo.twin import StepResult
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.report.content.blocks import Block
 
@@ -47,13 +48,20 @@ def summary(design: ServoDesign) -> dict[str, Any]:
             {
                 "output": each.output,
                 "size": float(size),
-                "overshoot": each.overshoot,
-                "settling_s": each.settling_s if isfinite(each.settling_s) else None,
-                "steady_error": each.steady_error,
+                **step_figures(each),
             }
             for each, size in zip(design.results, design.steps, strict=True)
         ],
         "notes": list(design.notes),
+    }
+
+
+def step_figures(step: StepResult) -> dict[str, float | None]:
+    """Return the figures of a step for JSON, which has no infinity."""
+    return {
+        "overshoot": step.overshoot,
+        "settling_s": step.settling_s if isfinite(step.settling_s) else None,
+        "steady_error": step.steady_error,
     }
 
 

@@ -121,17 +121,15 @@ def _commission(
     from flexarm_control.commissioning.answers import ArmFaultError  # noqa: PLC0415
 
     out = state.folder
-    is_file = Path(rig_name).is_file()
     if "check" not in state.found:
         terminal.step("Check of the channels, with the drives at rest")
-        faults = check_at_rest(rig, Path(rig_name).parent if is_file else Path())
+        faults = check_at_rest(rig, Path(rig_name).parent)
         for name, fault in faults.items():
             raise ArmFaultError(f"{name}: {fault}")
         state.note("check", {"outputs": list(rig.output_names)})
     bags = out / "bags"
     bags.mkdir(exist_ok=True)
-    named = str(Path(rig_name).absolute()) if is_file else rig_name
-    with live_arm(rig, named, bags.absolute(), pace=pace, namespace=namespace) as arm:
+    with live_arm(rig, rig_name, bags.absolute(), pace=pace, namespace=namespace) as arm:
         commissioner = Commissioner(arm, rig, state)
         results, design = commissioner.run()
         write_servo(design, [results.name], out / "servo")

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import recorded_topics, running_graph
-from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
+from flexarm_bringup.verbs.laboratory.options import told_rig
 from flexarm_core.channels import is_thesis_arm
 from flexarm_ident.reading.read import read_bag
-from flexarm_msgs.srv import SetReference
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -96,10 +95,7 @@ class LiveArm:
             When one is refused.
         """
         for output, value in values.items():
-            request = SetReference.Request(reference_v=value, joint=output)
-            response = self._operator.call(SetReference, "set_reference", request)
-            if not response.success:
-                raise LaunchError(str(response.message))
+            self._operator.set_reference(value, output)
 
 
 @contextmanager
@@ -122,7 +118,7 @@ def live_arm(
         Namespace of the nodes.
     """
     pace.prepare()
-    named = {"rig": rig_name}
+    named = told_rig(rig_name)
     parameters = {
         "daq": named | {"rate_hz": rig.rate_hz} | pace.parameters(),
         "controller": named | {"law": "pd"},

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
-from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.servo.report import summary, told
+from flexarm_control.servo.report import step_figures, summary, told
 from flexarm_core.labels import axis_label
 from flexarm_core.outputs import MARK_KEY
 from flexarm_ident.report.content.blocks import Plots, Table, Words
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from flexarm_bringup.verbs.commissioning.commissioner import Steps
     from flexarm_bringup.verbs.commissioning.state import State
     from flexarm_control.servo.job import ServoDesign
-    from flexarm_control.servo.twin import StepResult
     from flexarm_core.rig_description import RigDescription
     from flexarm_ident.report.content.blocks import Block
     from flexarm_ident.workflow.results import Results
@@ -63,22 +61,14 @@ def write_results(
             {
                 "output": mine.output,
                 "size": float(size),
-                "arm": _figures(mine),
-                "predicted": _figures(other),
+                "arm": step_figures(mine),
+                "predicted": step_figures(other),
             }
             for size, mine, other in zip(steps.steps, steps.results, steps.predicted, strict=True)
         ],
     }
     (out / "summary.json").write_text(json.dumps(found, indent=2) + "\n", "utf-8")
     (out / "report.html").write_text(_report(rig, state, results, design, steps), "utf-8")
-
-
-def _figures(step: StepResult) -> dict[str, Any]:
-    return {
-        "overshoot": step.overshoot,
-        "settling_s": step.settling_s if isfinite(step.settling_s) else None,
-        "steady_error": step.steady_error,
-    }
 
 
 def _report(

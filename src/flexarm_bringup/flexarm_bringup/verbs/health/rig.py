@@ -20,7 +20,6 @@ from flexarm_core.rig_description import (
     INPUT_QUANTITIES,
     OUTPUT_QUANTITIES,
     load_rig,
-    packaged,
 )
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ def check(rig_file: str) -> None:
     """
     description = load_rig(rig_file)
     click.echo(_summary(description))
-    check_at_rest(description, Path() if rig_file in packaged() else Path(rig_file).parent)
+    check_at_rest(description, Path(rig_file).parent)
 
 
 def check_at_rest(description: RigDescription, folder: Path) -> dict[str, str]:
