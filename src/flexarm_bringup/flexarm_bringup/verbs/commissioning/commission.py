@@ -14,7 +14,7 @@ from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.commissioning.state import State
-from flexarm_bringup.verbs.laboratory.options import ARM, paced
+from flexarm_bringup.verbs.laboratory.options import ARM, TWIN, paced, twin_rig
 from flexarm_core.errors import SettingError
 from flexarm_core.outputs import OutputError
 from flexarm_core.own_files import claimed
@@ -27,11 +27,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.option("--rig", metavar="NAME|FILE", help="Arm: the name or the file of a rig description.")
-@click.option(
-    "--twin",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Arm: the twin of an identified model, model.yaml.",
-)
+@TWIN
 @click.option(
     "-o",
     "--out",
@@ -77,9 +73,7 @@ def commission(
     if (rig is None) == (twin is None):
         raise click.UsageError("name the arm: --rig NAME|FILE, or --twin MODEL")
     if twin is not None:
-        from flexarm_bringup.verbs.laboratory.up import twin_rig  # noqa: PLC0415 - loads the page
-
-        rig = str(twin_rig(twin))
+        rig = twin_rig(twin)
     assert rig is not None  # noqa: S101 - one of both is given
     description = load_rig(rig)
     if not description.joints:

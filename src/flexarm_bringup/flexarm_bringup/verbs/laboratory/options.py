@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import MASS_KG, Quantity
 from flexarm_bringup.graph.processes import NAMESPACE
 from flexarm_bringup.runs.pace import Pace
+from flexarm_core.rig_description import load_rig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,6 +45,11 @@ RIG = click.option(
     show_default=True,
     metavar="NAME|FILE",
     help="Arm: the name or the file of a rig description (`flexarm rig new` writes one).",
+)
+TWIN = click.option(
+    "--twin",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Arm: the twin of an identified model, model.yaml.",
 )
 PAYLOAD = click.option(
     "--payload",
@@ -74,6 +82,30 @@ def told_rig(rig: str) -> dict[str, str]:
     if rig == USUAL_RIG:
         return {}
     return {"rig": str(Path(rig).absolute()) if Path(rig).is_file() else rig}
+
+
+def twin_rig(model: Path) -> str:
+    """Write the description of a model's twin, say and return where it is; a changed one stays."""
+    from flexarm_control.twin import twin_description  # noqa: PLC0415 - others load no models
+
+    file = Path("out", "twin", f"{model.absolute().parent.name}.yaml")
+    made = twin_description(model)
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(made, encoding="utf-8")
+    described = load_rig(file)
+    other = str(described.settings.get("model", ""))
+    if (file.parent / other).resolve() != model.resolve():
+        raise click.UsageError(
+            f"--twin: {file} describes the twin of another model, {other or 'none'}: start it by "
+            f"--rig {file}, or remove it"
+        )
+    terminal.CONSOLE.print(
+        as_called(f"the arm is described in {file}: change it, then --rig {file}")
+    )
+    if described.text != made:
+        terminal.note(f"{file} is not what the model tells now: remove it to have it written anew")
+    return str(file)
 
 
 def paced(function: Callable[..., None]) -> Callable[..., None]:

@@ -31,9 +31,11 @@ from flexarm_bringup.verbs.laboratory.options import (
     PAYLOAD,
     REAL_TIME,
     RIG,
+    TWIN,
     USUAL_RIG,
     chosen_pace,
     told_rig,
+    twin_rig,
 )
 from flexarm_bringup.verbs.laboratory.set_since import SetSince
 from flexarm_bringup.verbs.laboratory.viewers import (
@@ -75,6 +77,7 @@ class _Settings:
     reference: str
     controller: Path | None
     rig: str
+    is_thesis: bool
     bag: Path | None
     pace: Pace
     parameter_files: tuple[Path, ...]
@@ -82,11 +85,6 @@ class _Settings:
     page: PageSettings | None
     foxglove_port: int | None
     compose: bool | None
-
-    @property
-    def is_thesis(self) -> bool:
-        """Whether the rig has the signals of the thesis's arm."""
-        return is_thesis_arm(load_rig(self.rig))
 
 
 @click.command()
@@ -99,11 +97,7 @@ class _Settings:
     help="Hz; 300 for the thesis's arm, that of the description for another rig.",
 )
 @RIG
-@click.option(
-    "--twin",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Arm: the twin of an identified model, model.yaml.",
-)
+@TWIN
 @click.option(
     "--reference",
     type=click.Choice(["topic", "step", "square", "varying_square"]),
@@ -169,7 +163,7 @@ def up(
     if twin is not None:
         if rig != USUAL_RIG:
             raise click.UsageError("--rig and --twin each name an arm: name one")
-        rig = str(twin_rig(twin))
+        rig = twin_rig(twin)
     description = load_rig(rig)
     is_thesis = is_thesis_arm(description)
     if rig not in SHORT_NAMES and rate_hz not in (None, description.rate_hz):
@@ -179,6 +173,7 @@ def up(
     chosen = _Settings(
         pace=chosen_pace(real_time=real_time),
         rig=rig,
+        is_thesis=is_thesis,
         rate_hz=rate_hz,
         law=_law(law, settings["controller"], is_thesis=is_thesis),
         **settings,
@@ -192,30 +187,6 @@ def _law(asked: str | None, controller: Path | None, *, is_thesis: bool) -> str:
     if asked not in (None, SERVO):
         raise click.UsageError(f"--controller is one of law {SERVO}, not of {asked}: name one")
     return SERVO
-
-
-def twin_rig(model: Path) -> Path:
-    """Write the description of a model's twin and say where it is; a changed one stays."""
-    from flexarm_control.twin import twin_description  # noqa: PLC0415 - others load no models
-
-    file = Path("out", "twin", f"{model.absolute().parent.name}.yaml")
-    made = twin_description(model)
-    if not file.exists():
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(made, encoding="utf-8")
-    described = load_rig(file)
-    other = str(described.settings.get("model", ""))
-    if (file.parent / other).resolve() != model.resolve():
-        raise click.UsageError(
-            f"--twin: {file} describes the twin of another model, {other or 'none'}: start it by "
-            f"--rig {file}, or remove it"
-        )
-    terminal.CONSOLE.print(
-        as_called(f"the arm is described in {file}: change it, then --rig {file}")
-    )
-    if described.text != made:
-        terminal.note(f"{file} is not what the model tells now: remove it to have it written anew")
-    return file
 
 
 def _run_graph(settings: _Settings) -> None:
