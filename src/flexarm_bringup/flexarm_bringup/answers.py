@@ -1,6 +1,6 @@
 """Help and completions as files, from which the script `flexarm` answers without Python.
 
-Usage: `python -m flexarm_bringup.console.answers FOLDER`. What click prints for each verb stands
+Usage: `python -m flexarm_bringup.answers FOLDER`. What click prints for each verb stands
 there in `WIDTH/WORDS`, and what it completes in `SHELL/WORDS`, with the word `-` for the options of
 a verb: a line is a word, a tabulator, and what the shell is told, with `BREAK` for a line's end.
 """

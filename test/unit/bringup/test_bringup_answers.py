@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 from click.shell_completion import get_completion_class
 
+from flexarm_bringup import answers
 from flexarm_bringup.cli import main
-from flexarm_bringup.console import answers
 from flexarm_bringup.console.verb_group import LazyVerbGroup
 from support.project import PROJECT
 
@@ -22,7 +22,7 @@ _NO_PROGRAM = 127
 _VERBS = ("completion", "catalogue", "bag", "set", "exec", "identify", "up")
 _GROUP = LazyVerbGroup(
     name="flexarm",
-    groups={"All": {verb: main.places[verb] for verb in _VERBS}},  # type: ignore[attr-defined]
+    groups={"All": {verb: main.places[verb] for verb in _VERBS}},
     context_settings=main.context_settings,
     help="Title.",
 )
