@@ -11,7 +11,12 @@ import numpy as np
 from flexarm_control.servo.controller import Servo, ServoGains
 from flexarm_control.servo.regulator import loop_plant, ramp_state, tracked_outputs
 from flexarm_control.servo.rigid_motion import rigid_motion
-from flexarm_control.servo.robustness import SPREAD, at_bandwidth, choose_bandwidth
+from flexarm_control.servo.robustness import (
+    ROBUSTNESS,
+    SPREAD,
+    at_bandwidth,
+    choose_bandwidth,
+)
 from flexarm_control.servo.set_point import plan_for
 from flexarm_control.servo.twin import TWINS, Twin, perturbed, step_results, step_run
 from flexarm_core.errors import SettingError
@@ -134,7 +139,7 @@ class ServoRequest(NamedTuple):
     track: tuple[str, ...]
     limits: Mapping[str, float]
     bandwidth_hz: float | None = None
-    robustness: float = 0.5
+    robustness: float = ROBUSTNESS
     delay_s: float = 0.0
 
 
@@ -218,6 +223,7 @@ def design_servo(
         choice = choose_bandwidth(plants, tracked, robustness=request.robustness, limits=limits)
     else:
         choice = at_bandwidth(plants, tracked, request.bandwidth_hz, limits=limits)
+    notes = (choice.caution, *notes) if choice.caution else notes
     gains = _gains(choice, first, limits)
     servo = Servo(gains)
     steps = _steps(first, tracked)

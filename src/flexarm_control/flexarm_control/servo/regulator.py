@@ -170,6 +170,7 @@ def design_regulator(
     bandwidth_hz: float,
     *,
     limits: FloatArray | None = None,
+    rolls_off: bool = False,
 ) -> Regulator:
     """Design a servo for a bandwidth.
 
@@ -183,6 +184,9 @@ def design_regulator(
         Frequency at which the regulator crosses over, Hz.
     limits : ndarray, (inputs,), optional
         Largest inputs, by which several inputs are weighed against each other.
+    rolls_off : bool
+        Whether the filter leaves modes beyond its frequency to the model. Else it follows them too,
+        which damps them where the model knows their frequencies well.
 
     Raises
     ------
@@ -200,6 +204,8 @@ def design_regulator(
     filter_hz = min(FILTER_RATIO * bandwidth_hz, 0.25 / dt_s)
     sizes = _sizes(plant, filter_hz, scale)
     A, B, C, noise, rejection = _with_disturbances(plant, tracked, bandwidth_hz, sizes, scale)
+    driven = (_below(plant, filter_hz) if rolls_off else np.eye(plant.nstates)) @ plant.B * scale
+    noise[: plant.nstates, : plant.nstates] = driven @ driven.T
     try:
         cost = _even(plant.C.T @ weight @ plant.C)
         gain, *_ = library.dlqr(plant.A, plant.B, cost, np.diag(scale**-2.0))
@@ -255,6 +261,18 @@ def _forward(
     still = np.linalg.pinv(terms[0] * scale) * scale[:, None]
     first, second = terms[1] @ still, terms[2] @ still
     return np.stack([still, -still @ first, still @ (first @ first - second)])
+
+
+def _below(plant: control.StateSpace, corner_hz: float) -> FloatArray:
+    """Return a map, (states, states), that takes each mode by a low-pass of second order.
+
+    The logarithm of the transition is Tustin's, which bears delays. Its sign is that of an unstable
+    plant, so that damped modes become smaller too.
+    """
+    one = np.eye(plant.nstates)
+    speeds = np.linalg.solve((plant.A + one).T, (plant.A - one).T).T
+    speeds /= np.pi * corner_hz * plant.dt
+    return np.asarray(np.linalg.inv(one - np.sqrt(2.0) * speeds + speeds @ speeds))
 
 
 def _even(matrix: FloatArray) -> FloatArray:
@@ -344,7 +362,7 @@ def _with_disturbances(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, B, C with disturbances that the outputs tell apart.
 
-    Behind them come the covariance of the noise, and the part of the inputs that each disturbance
+    Behind them come the covariance of their noise, and the part of the inputs that each disturbance
     is.
     """
     dt_s = float(plant.dt)
@@ -372,7 +390,6 @@ def _with_disturbances(
     B = np.vstack([plant.B, np.zeros((count + shifts, plant.ninputs))])
     C = np.hstack([plant.C, np.zeros((plant.noutputs, count)), np.eye(plant.noutputs)[:, biases]])
     noise = np.zeros_like(A)
-    noise[:order, :order] = plant.B * scale**2 @ plant.B.T
     noise[order:, order:] = np.diag(
         [corner**2] * count + [(_BIAS_RATIO * corner * sizes[j]) ** 2 for j in biases]
     )

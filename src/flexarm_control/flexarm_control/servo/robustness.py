@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from flexarm_control.servo.regulator import Regulator
     from flexarm_core.arrays import ComplexArray, FloatArray
 
+ROBUSTNESS = 0.5
+"""Disk margin that a bandwidth is to have where none is said."""
 SPREAD = 0.2
 """Part by which the frequency of a vibration may be another one, such as with another payload."""
 VIBRATES = 0.3
@@ -35,7 +37,9 @@ BELOW_VIBRATION = 3.0
 _SAMPLES = 20.0
 _STEP = 2.0**0.5
 _HALVINGS = 3
-_RANGE = 1e3
+_RANGE = 1e2
+# Part of the largest margin for which a slower design is not worth it.
+_NEARLY = 0.9
 _POINTS = 150
 _AROUND = np.linspace(-3.0, 3.0, 13)
 _NARROWEST = 1e-3
@@ -64,16 +68,24 @@ class Choice:
         Smallest disk margin with each model and each of its variations.
     limit : str
         What keeps the bandwidth from being larger.
+    caution : str
+        What a user should know of the margins; empty for nothing.
     """
 
     regulator: Regulator
     margins: dict[str, LoopMargin]
-    limit: str
+    limit: str = ""
+    caution: str = ""
 
     @property
     def worst(self) -> tuple[str, LoopMargin]:
         """The model with the smallest margin, and that margin."""
         return min(self.margins.items(), key=lambda each: each[1].disk)
+
+    @property
+    def ranked(self) -> list[float]:
+        """Disk margins from the smallest on: the larger list is the more robust servo."""
+        return sorted(each.disk for each in self.margins.values())
 
 
 def variations(
@@ -187,7 +199,9 @@ def choose_bandwidth(
 ) -> Choice:
     """Return the design with the largest bandwidth whose worst disk margin meets a bound.
 
-    It is searched from above, from a third of the slowest vibration or a twentieth of the rate on.
+    It is searched from above, from a third of the slowest vibration or a twentieth of the rate on,
+    with a filter that follows all modes, then with one that rolls off. Where no bandwidth meets the
+    bound, it is that with nearly the largest margin, and says so.
 
     Parameters
     ----------
@@ -203,30 +217,24 @@ def choose_bandwidth(
     Raises
     ------
     SettingError
-        When no bandwidth has such a margin.
+        When no bandwidth stabilises all plants.
     """
     highest_hz, reason = _highest(plants, tracked)
-    tries = _Tries(plants, tracked, limits, robustness)
-    high_hz = highest_hz
-    while (best := tries.suffices(high_hz)) is None:
-        high_hz /= _STEP
-        if high_hz * _RANGE < highest_hz:
-            raise tries.refusal()
-    if high_hz == highest_hz:
-        return replace(best, limit=reason)
-    low_hz, high_hz = high_hz, high_hz * _STEP
-    for _ in range(_HALVINGS):
-        middle_hz = (low_hz * high_hz) ** 0.5
-        found = tries.suffices(middle_hz)
-        if found is None:
-            high_hz = middle_hz
-        else:
-            best, low_hz = found, middle_hz
-    return replace(best, limit=tries.limit())
+    failed: list[Choice] = []
+    for rolls_off in (False, True):
+        tries = _Tries(plants, tracked, limits, robustness, rolls_off=rolls_off)
+        best = tries.fastest(highest_hz)
+        if best is not None:
+            at_end = best.regulator.bandwidth_hz == highest_hz
+            return replace(best, limit=reason if at_end else tries.limit())
+        failed += tries.failed
+    if not failed:
+        raise tries.error or SettingError("no stabilising design")
+    return _most_robust(failed, plants, robustness)
 
 
 class _Tries:
-    """Designs that were tried, and why the last one of them does not suffice."""
+    """Designs with one filter, those of them that do not suffice, and the last refusal."""
 
     def __init__(
         self,
@@ -234,50 +242,79 @@ class _Tries:
         tracked: Sequence[int],
         limits: FloatArray,
         robustness: float,
+        *,
+        rolls_off: bool,
     ) -> None:
-        self._first = next(iter(plants.values()))
         self._all = _all(plants)
         self._tracked, self._limits, self._robustness = tracked, limits, robustness
-        self._failed: list[Choice] = []
-        self._error: SettingError | None = None
+        self._rolls_off = rolls_off
+        self.failed: list[Choice] = []
+        self.error: SettingError | None = None
 
-    def suffices(self, bandwidth_hz: float) -> Choice | None:
-        """Return the design for a bandwidth when its margins suffice."""
-        try:
-            found = design_regulator(self._first, self._tracked, bandwidth_hz, limits=self._limits)
-        except SettingError as error:
-            self._error = error
-            return None
-        choice = Choice(found, _margins(found, self._all), "")
-        if choice.worst[1].disk >= self._robustness:
-            return choice
-        self._failed.append(choice)
-        return None
+    def fastest(self, highest_hz: float) -> Choice | None:
+        """Return the design with the largest bandwidth that suffices; None without one."""
+        high_hz = highest_hz
+        while (best := self._suffices(high_hz)) is None:
+            high_hz /= _STEP
+            if high_hz * _RANGE < highest_hz:
+                return None
+        if high_hz == highest_hz:
+            return best
+        low_hz, high_hz = high_hz, high_hz * _STEP
+        for _ in range(_HALVINGS):
+            middle_hz = (low_hz * high_hz) ** 0.5
+            found = self._suffices(middle_hz)
+            if found is None:
+                high_hz = middle_hz
+            else:
+                best, low_hz = found, middle_hz
+        return best
 
     def limit(self) -> str:
         """Return which margin the last design that failed misses."""
-        if not self._failed:
+        if not self.failed:
             return "no design above stabilises the model"
-        name, margin = self._failed[-1].worst
+        name, margin = self.failed[-1].worst
         place = f"{margin.place}, at {margin.frequency_hz:.3g} Hz" if margin.disk else "unstable"
         return f"above, the disk margin with {name} ({place}) falls below {self._robustness:g}"
 
-    def refusal(self) -> SettingError:
-        """Return the error that tells how far the best design is from what was asked for."""
-        if not self._failed:
-            return self._error or SettingError("no stabilising design")
-        nearest = max(self._failed, key=lambda each: each.worst[1].disk)
-        name, margin = nearest.worst
-        if not margin.disk:
-            return SettingError(
+    def _suffices(self, bandwidth_hz: float) -> Choice | None:
+        try:
+            choice = _designed(
+                self._all, self._tracked, bandwidth_hz, self._limits, rolls_off=self._rolls_off
+            )
+        except SettingError as error:
+            self.error = error
+            return None
+        if choice.worst[1].disk >= self._robustness:
+            return choice
+        self.failed.append(choice)
+        return None
+
+
+def _most_robust(
+    failed: Sequence[Choice], plants: Mapping[str, control.StateSpace], robustness: float
+) -> Choice:
+    """Return the fastest design that nearly has the largest margin, and say what it lacks."""
+    best = max(failed, key=lambda each: each.ranked)
+    least = _NEARLY * best.worst[1].disk
+    if least:
+        near = [each for each in failed if each.worst[1].disk >= least]
+        best = max(near, key=lambda each: each.regulator.bandwidth_hz)
+    for name in plants:
+        if not best.margins[name].disk:
+            raise SettingError(
                 f"no stabilising design: with {name} the loop is unstable at every bandwidth; "
                 "identify the plant again, or give models that are nearer to each other"
             )
-        return SettingError(
-            f"no bandwidth has a disk margin of {self._robustness:g}: the largest is "
-            f"{margin.disk:.2f}, at {nearest.regulator.bandwidth_hz:.3g} Hz with {name}; allow "
-            "less with --robustness, or give models that are nearer to each other"
-        )
+    name, margin = best.worst
+    most = f"the largest is {margin.disk:.2f}" if margin.disk else "the loop is unstable"
+    return replace(
+        best,
+        limit=f"the disk margin with {name}, which is largest there",
+        caution=f"caution: no bandwidth has a disk margin of {robustness:g}; with {name} {most}: "
+        "begin with small steps, or give a record that shows the vibrations better",
+    )
 
 
 def _highest(plants: Mapping[str, control.StateSpace], tracked: Sequence[int]) -> tuple[float, str]:
@@ -306,20 +343,32 @@ def at_bandwidth(
     SettingError
         When it does not hold one of the plants.
     """
-    first = next(iter(plants.values()))
-    found = design_regulator(first, tracked, bandwidth_hz, limits=limits)
-    margins = _margins(found, _all(plants))
+    every = _all(plants)
+    choice = _designed(every, tracked, bandwidth_hz, limits, rolls_off=False)
+    if not choice.worst[1].disk:
+        other = _designed(every, tracked, bandwidth_hz, limits, rolls_off=True)
+        choice = max(choice, other, key=lambda each: each.ranked)
     for name in plants:
-        if not margins[name].disk:
+        if not choice.margins[name].disk:
             raise SettingError(
                 f"no stabilising design at {bandwidth_hz:g} Hz: the loop with {name} is unstable; "
                 "say a smaller --bandwidth, or auto"
             )
-    return Choice(found, margins, "it was said")
+    return replace(choice, limit="it was said")
 
 
-def _margins(found: Regulator, plants: Mapping[str, control.StateSpace]) -> dict[str, LoopMargin]:
-    return {name: loop_margin(found, plant) for name, plant in plants.items()}
+def _designed(
+    plants: Mapping[str, control.StateSpace],
+    tracked: Sequence[int],
+    bandwidth_hz: float,
+    limits: FloatArray,
+    *,
+    rolls_off: bool,
+) -> Choice:
+    """Return the design for the first plant with its margins with all of them."""
+    first = next(iter(plants.values()))
+    found = design_regulator(first, tracked, bandwidth_hz, limits=limits, rolls_off=rolls_off)
+    return Choice(found, {name: loop_margin(found, plant) for name, plant in plants.items()})
 
 
 def _all(plants: Mapping[str, control.StateSpace]) -> dict[str, control.StateSpace]:

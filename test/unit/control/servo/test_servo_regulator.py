@@ -10,6 +10,7 @@ import pytest
 
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
 from flexarm_control.servo.regulator import (
+    _below,
     design_regulator,
     loop_plant,
     loop_radius,
@@ -155,6 +156,34 @@ def test_design_servo___output_that_no_input_moves___is_refused() -> None:
     )
 
     assert "at rest" in _refused(apart, "room")
+
+
+def test_roll_off___takes_each_mode_by_a_low_pass() -> None:
+    # It is an eigenvector of the map: the gain is Butterworth's at the frequency of Tustin.
+    speed = 2.0 * math.pi * 40.0
+    plant = sampled([[0.0, 1.0], [-(speed**2), 0.0]], [[0.0], [1.0]], [[1.0, 0.0]])
+    shape = np.linalg.eig(plant.A)[1][:, 0]
+
+    passed = np.linalg.norm(_below(plant, 3.0) @ shape)
+
+    tustin_hz = math.tan(math.pi * 40.0 * DT_S) / (math.pi * DT_S)
+    assert passed == pytest.approx(1.0 / math.sqrt(1.0 + (tustin_hz / 3.0) ** 4), rel=1e-6)
+
+
+def test_choose_bandwidth___margin_that_none_has___gives_a_design_with_a_caution() -> None:
+    plants = {"arm": loop_plant(bending_arm())}
+
+    choice = choose_bandwidth(plants, [0], robustness=1.9, limits=np.array([3.0]))
+
+    assert loop_radius(choice.regulator, plants["arm"]) < 1.0
+    name, worst = choice.worst
+    assert f"with {name} the largest is {worst.disk:.2f}" in choice.caution
+    slower = design_regulator(plants["arm"], [0], 0.2)
+    assert worst.disk >= 0.9 * min(
+        loop_margin(slower, each).disk for each in variations("arm", plants["arm"]).values()
+    )
+    enough = choose_bandwidth(plants, [0], robustness=0.5, limits=np.array([3.0]))
+    assert not enough.caution
 
 
 @pytest.mark.parametrize("side", ["input", "output"])

@@ -19,6 +19,7 @@ from flexarm_control.commissioning.answers import (
 from flexarm_control.commissioning.programme import PARTS, PERIOD_S, RAMP_S, Programme
 from flexarm_control.servo.controller import Servo
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
+from flexarm_control.servo.robustness import ROBUSTNESS
 from flexarm_control.servo.twin import Run, step_results, step_run
 from flexarm_core.errors import SettingError
 from flexarm_core.waves import multisine
@@ -187,22 +188,29 @@ class Commissioner:
         return tuple(usable)
 
     def designed(self, names: Sequence[str]) -> tuple[Results, ServoDesign]:
-        """Design on the first model that has a bandwidth with the margin.
+        """Design on the first model whose servo has the margin, else on that with the largest.
 
         Raises
         ------
         SettingError
-            When none has.
+            When no model has a stabilising design.
         """
-        *others, last = names
-        for name in others:
+        found: list[tuple[Results, ServoDesign]] = []
+        for name in names:
             results = self._identified(name, self._state.found[name]["bags"])
             try:
-                return results, self.design(results)
+                found.append((results, self.design(results)))
             except SettingError as error:
+                refused = error
                 terminal.note(f"caution: {name} is left out: {error}")
-        results = self._identified(last, self._state.found[last]["bags"])
-        return results, self.design(results)
+                continue
+            margin = found[-1][1].gains.disk_margin
+            if margin >= ROBUSTNESS:
+                return found[-1]
+            terminal.note(f"caution: with {name} the disk margin is {margin:.2f}")
+        if not found:
+            raise refused
+        return max(found, key=lambda each: each[1].gains.disk_margin)
 
     def design(self, results: Results) -> ServoDesign:
         """Design the servo on the model that was found."""

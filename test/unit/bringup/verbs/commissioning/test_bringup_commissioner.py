@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,20 +101,22 @@ def test_best_model_without_a_margin___is_followed_by_the_next(
     rig = bending_rig(tmp_path)
     arm = DirectArm(rig, TwinRig("model.yaml", rig=rig, folder=tmp_path), tmp_path)
     commissioner = Commissioner(arm, rig, state)
-    refused = {"part_3"}
+    margins: dict[str, float | None] = {"part_3": None, "part_1": 0.4, "part_2": 0.6}
 
-    def designed(_: Commissioner, results: str) -> str:
-        if results in refused:
-            raise SettingError("no bandwidth has a disk margin of 0.5")
-        return f"servo of {results}"
+    def designed(_: Commissioner, results: str) -> SimpleNamespace:
+        margin = margins[results]
+        if margin is None:
+            raise SettingError("no stabilising design")
+        return SimpleNamespace(gains=SimpleNamespace(disk_margin=margin))
 
     monkeypatch.setattr(Commissioner, "_identified", lambda _, name, __: name)
     monkeypatch.setattr(Commissioner, "design", designed)
-    names = ("part_3", "part_1", "part_2")
-    found_first: object = commissioner.designed(names)
-    assert found_first == ("part_1", "servo of part_1")
-    refused.update(names)
-    with pytest.raises(SettingError, match="disk margin"):
+    names = tuple(margins)
+    assert str(commissioner.designed(names)[0]) == "part_2"
+    margins["part_2"] = 0.3
+    assert str(commissioner.designed(names)[0]) == "part_1"
+    margins.update(dict.fromkeys(names))
+    with pytest.raises(SettingError, match="no stabilising design"):
         commissioner.designed(names)
 
 
