@@ -37,7 +37,10 @@ class Robot(Node):  # type: ignore[misc]
         self.create_timer(1.0 / RATE_HZ, self.step)
 
     def on_command(self, command: Float64MultiArray) -> None:
-        """Keep a command, and say when it is another one."""
+        """Keep a command, and say when it is another one; one of another length is ignored."""
+        if len(command.data) != len(COMMANDED):
+            self.get_logger().error(f"{len(command.data)} numbers for {len(COMMANDED)} joints")
+            return
         efforts = dict(zip(COMMANDED, command.data, strict=True))
         if any(efforts.values()) != any(self.efforts.values()):
             print("driven" if any(efforts.values()) else "zero", flush=True)  # noqa: T201

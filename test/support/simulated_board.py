@@ -30,21 +30,16 @@ def built(folder: Path) -> tuple[Path, Path]:
         if shutil.which(tool) is None:
             raise RuntimeError(f"{tool} is missing: apt-get install gcc-avr avr-libc make gcc")
     firmware = shutil.copytree(PROJECT / "firmware", folder / "firmware")
-    subprocess.run(  # noqa: S603
-        ["make", "-s", "-C", str(firmware), "build/atmega328p.elf"],  # noqa: S607
-        check=True,
-    )
-    program = folder / "simavr_board"
-    source = PROJECT / "test" / "support" / "simavr_board.c"
+    targets = ("build/atmega328p.elf", "build/simavr_board")
     made = subprocess.run(  # noqa: S603
-        ["cc", "-O2", str(source), "-o", str(program), "-lsimavr", "-lelf", "-lutil", "-lm"],  # noqa: S607
+        ["make", "-s", "-C", str(firmware), *targets],  # noqa: S607
         check=False,
         capture_output=True,
         text=True,
     )
     if made.returncode:
         raise RuntimeError(f"apt-get install simavr libsimavr-dev libelf-dev: {made.stderr[:300]}")
-    return firmware / "build" / "atmega328p.elf", program
+    return firmware / targets[0], firmware / targets[1]
 
 
 class SimulatedBoard:

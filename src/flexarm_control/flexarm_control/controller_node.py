@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
     from flexarm_control.laws.law_protocol import Memory
-    from flexarm_control.rig_setup import Track
+    from flexarm_core.rig_description import Track
     from flexarm_core.signals import Sample
     from flexarm_node.answering_node import Answer
     from flexarm_node.topics.handover import DirectHandover

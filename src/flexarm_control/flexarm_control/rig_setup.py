@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flexarm_control.laws.law_protocol import Memory
     from flexarm_control.laws.payload import PayloadEstimate
     from flexarm_control.servo.controller import Servo
-    from flexarm_core.rig_description import RigDescription
+    from flexarm_core.rig_description import RigDescription, Track
     from flexarm_core.signals import Sample
 
     Answer = tuple[tuple[float, ...], tuple[float, ...]]
@@ -58,27 +58,6 @@ class Loop(Protocol):
 
     def remember(self, memory: Memory) -> None:
         """Go on from a memory of the same laws."""
-
-
-@dataclass(frozen=True)
-class Track:
-    """Output that a set-point means.
-
-    Attributes
-    ----------
-    name, output : str
-        Name of the joint, and of its output.
-    unit : str
-        Unit of the set-point.
-    low, high : float
-        Ends of the travel.
-    """
-
-    name: str
-    output: str
-    unit: str
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -170,13 +149,7 @@ class RigSetup:
     @cached_property
     def tracks(self) -> tuple[Track, ...]:
         """Outputs that the set-points mean, in their order."""
-        joints = {each.angle: each for each in self.rig.joints}
-        found = []
-        for name in self.rig.tracked:
-            output, joint = self.rig.output(name), joints.get(name)
-            ends = (joint.low, joint.high) if joint else (output.low, output.high)
-            found.append(Track(joint.name if joint else name, name, output.unit, *ends))
-        return tuple(found)
+        return self.rig.tracks
 
     @property
     def has_profile(self) -> bool:

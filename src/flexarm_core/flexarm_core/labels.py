@@ -4,11 +4,40 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
+SI_UNITS: Final = {
+    "angle": "rad",
+    "rate": "rad/s",
+    "moment": "N m",
+    "strain": "1",
+    "acceleration": "m/s^2",
+    "position": "m",
+    "velocity": "m/s",
+    "current": "A",
+    "torque": "N m",
+    "force": "N",
+    "other": "",
+}
+"""SI unit of each quantity of a channel."""
+PER_SI: Final[Mapping[str, Mapping[str, float]]] = {
+    "angle": {"rad": 1.0, "deg": 180.0 / math.pi, "rev": 0.5 / math.pi},
+    "rate": {"rad/s": 1.0, "deg/s": 180.0 / math.pi, "rpm": 30.0 / math.pi},
+    "moment": {"N m": 1.0, "mN m": 1e3},
+    "strain": {"1": 1.0, "ustrain": 1e6},
+    "acceleration": {"m/s^2": 1.0, "g": 1.0 / 9.80665},
+    "position": {"m": 1.0, "mm": 1e3},
+    "velocity": {"m/s": 1.0, "mm/s": 1e3},
+    "current": {"A": 1.0, "mA": 1e3},
+    "torque": {"N m": 1.0, "mN m": 1e3},
+    "force": {"N": 1.0},
+}
+"""Units in one SI unit, of the units that need no `per_si`."""
+RAW_UNITS: Final = ("V", "count", "%")
+"""Units of a reading or a command that stand for any quantity, by `per_si`."""
 # The unit stands at the end of a name; the longer ending counts.
 _UNITS = {
     "rad_per_s": "rad/s",

@@ -15,41 +15,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from flexarm_core.bounds import read_text_bytes
 from flexarm_core.errors import SettingError, one_line
+from flexarm_core.labels import PER_SI, RAW_UNITS, SI_UNITS
 from flexarm_core.nearest import nearest
 from flexarm_core.yaml_sections import Section, sections_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-SI_UNITS: Final = {
-    "angle": "rad",
-    "rate": "rad/s",
-    "moment": "N m",
-    "strain": "1",
-    "acceleration": "m/s^2",
-    "position": "m",
-    "velocity": "m/s",
-    "current": "A",
-    "torque": "N m",
-    "force": "N",
-    "other": "",
-}
-"""SI unit of each quantity of a channel."""
-_PER_SI: Final[Mapping[str, Mapping[str, float]]] = {
-    "angle": {"rad": 1.0, "deg": 180.0 / math.pi, "rev": 0.5 / math.pi},
-    "rate": {"rad/s": 1.0, "deg/s": 180.0 / math.pi, "rpm": 30.0 / math.pi},
-    "moment": {"N m": 1.0, "mN m": 1e3},
-    "strain": {"1": 1.0, "ustrain": 1e6},
-    "acceleration": {"m/s^2": 1.0, "g": 1.0 / 9.80665},
-    "position": {"m": 1.0, "mm": 1e3},
-    "velocity": {"m/s": 1.0, "mm/s": 1e3},
-    "current": {"A": 1.0, "mA": 1e3},
-    "torque": {"N m": 1.0, "mN m": 1e3},
-    "force": {"N": 1.0},
-}
-"""Units in one SI unit, of the units that need no `per_si`."""
-RAW_UNITS: Final = ("V", "count", "%")
-"""Units of a reading or a command that stand for any quantity, by `per_si`."""
 INPUT_QUANTITIES: Final = ("current", "torque", "force", "rate", "other")
 OUTPUT_QUANTITIES: Final = (
     "angle",
@@ -109,6 +81,13 @@ class Channel:
     def to_si(self, value: float) -> float:
         """Convert a value to the SI unit; a quantity without one stays as it is."""
         return value if self.per_si is None else value / self.per_si
+
+    @property
+    def units(self) -> dict[str, float]:
+        """Units of the quantity, its own first, and what one of each is in its own."""
+        known = PER_SI.get(self.quantity, {})
+        others = {unit: (self.per_si or 1.0) / per_si for unit, per_si in known.items()}
+        return {self.unit: 1.0} | {unit: one for unit, one in others.items() if unit != self.unit}
 
 
 @dataclass(frozen=True)
@@ -205,6 +184,17 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class Track:
+    """Output that a set-point means: name of its joint, its own, unit, ends of the travel."""
+
+    name: str
+    output: str
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class Safety:
     """What keeps the drive safe, beside the limits of inputs and joints.
 
@@ -271,6 +261,17 @@ class RigDescription:
     def output_names(self) -> tuple[str, ...]:
         """Names of the outputs."""
         return tuple(each.name for each in self.outputs)
+
+    @property
+    def tracks(self) -> tuple[Track, ...]:
+        """Outputs that the set-points mean, in their order."""
+        joints = {each.angle: each for each in self.joints}
+        found = []
+        for name in self.tracked:
+            output, joint = self.output(name), joints.get(name)
+            ends = (joint.low, joint.high) if joint else (output.low, output.high)
+            found.append(Track(joint.name if joint else name, name, output.unit, *ends))
+        return tuple(found)
 
     def output(self, name: str) -> Output:
         """Return an output by its name; KeyError for another one."""
@@ -388,7 +389,7 @@ def _channel(
 ) -> dict[str, Any]:
     """Return the fields that inputs and outputs share."""
     quantity = row.word("quantity", quantities, "other")
-    known = _PER_SI.get(quantity, {})
+    known = PER_SI.get(quantity, {})
     # A quantity without an SI unit has any.
     unit = row.text("unit") if quantity == "other" else row.word("unit", (*known, *RAW_UNITS))
     per_si = known.get(unit)

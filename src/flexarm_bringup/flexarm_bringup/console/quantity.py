@@ -7,12 +7,13 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console.finite_range import FiniteRange
-from flexarm_core.channels import POSITION_V_PER_RAD
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from click import Context, Parameter
+
+    from flexarm_core.rig_description import Channel
 
 _DIGITS = 9
 _NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?([a-zA-Z°]+)")
@@ -71,17 +72,19 @@ class Quantity(FiniteRange):
 
 FREQUENCY_HZ = {"Hz": 1.0, "kHz": 1e3}
 MASS_KG = {"kg": 1.0, "g": 1e-3}
-POSITION_V = {
-    "V": 1.0,
-    "mV": 1e-3,
-    "deg": POSITION_V_PER_RAD * math.radians(1.0),
-    "rad": POSITION_V_PER_RAD,
-    "°": POSITION_V_PER_RAD * math.radians(1.0),
-}
-"""Units of a position or a set-point; V are those of the potentiometer."""
 TIME_S = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 VOLTAGE_V = {"V": 1.0, "mV": 1e-3}
 _OF_ENDING = {"hz": FREQUENCY_HZ, "kg": MASS_KG, "s": TIME_S, "v": VOLTAGE_V}
+
+
+def units_of_channel(channel: Channel) -> Mapping[str, float]:
+    """Return the units of a rig's channel, its own first: V of a potentiometer, deg, rad."""
+    units = {**channel.units}
+    if "V" in units:
+        units["mV"] = 1e-3 * units["V"]
+    if "deg" in units:
+        units["°"] = units["deg"]
+    return units
 
 
 def units_of(name: str) -> Mapping[str, float]:

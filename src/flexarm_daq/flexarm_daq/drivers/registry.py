@@ -141,7 +141,11 @@ def _own(driver: str, folder: Path) -> Any:  # noqa: ANN401 - a class of the use
     module = own_module(path, f"driver {driver}")
     found = getattr(module, name, None)
     if not inspect.isclass(found):
-        classes = [each for each, value in vars(module).items() if inspect.isclass(value)]
+        classes = [
+            each
+            for each, value in vars(module).items()
+            if inspect.isclass(value) and value.__module__ == module.__name__
+        ]
         raise SettingError(f"driver {driver}: {path} has no class {name!r}{nearest(name, classes)}")
     return found
 

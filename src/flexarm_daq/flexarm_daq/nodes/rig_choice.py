@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,6 +94,9 @@ def chosen_rig(values: Mapping[str, Any]) -> Rig:
             f"rate_hz = {values['rate_hz']:g} of the node and {description.rate_hz:g} of "
             f"{values['rig']}: give the node rate_hz:={description.rate_hz}"
         )
+    if description.driver in SIMULATORS and values["seed"]:
+        settings = {**description.settings, "seed": values["seed"]}
+        description = replace(description, settings=settings)
     driver = driven(description, Path(values["rig"]).parent)
     if has_virtual_time(driver) and not is_virtual(values):
         driver.clock = time.monotonic  # type: ignore[attr-defined]

@@ -3,8 +3,16 @@ from __future__ import annotations
 import click
 import pytest
 
-from flexarm_bringup.console.quantity import FREQUENCY_HZ, MASS_KG, POSITION_V, TIME_S, Quantity
-from flexarm_core.channels import TRAVEL_V
+from flexarm_bringup.console.quantity import (
+    FREQUENCY_HZ,
+    MASS_KG,
+    TIME_S,
+    Quantity,
+    units_of_channel,
+)
+from flexarm_core.channels import CHANNELS, TRAVEL_V
+
+POSITION_V = units_of_channel(CHANNELS[0])
 
 
 @pytest.mark.parametrize(

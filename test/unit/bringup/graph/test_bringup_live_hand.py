@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 import threading
@@ -108,7 +109,6 @@ def told(verb: click.Command, *arguments: str) -> str:
             {"do": "stop"},
             f"held\nThen: {RELEASE}\n",
         ),
-        (remote.reference, ["-1.5"], {"do": "reference", "value_v": -1.5}, "set-point -1.5 V\n"),
         (remote.activate, ["daq"], {"do": "activate", "node": "daq"}, "daq is active\n"),
         (remote.deactivate, ["daq"], {"do": "deactivate", "node": "daq"}, "daq is inactive\n"),
         (remote.activate, [f"{ARM}/daq"], {"do": "activate", "node": "daq"}, "daq is active\n"),
@@ -146,6 +146,32 @@ def test_verb___with_an_up___asks_it(
 ) -> None:
     assert told(verb, *arguments) == printed
     assert {"id": 0, **asked} in up.asked
+
+
+@pytest.mark.parametrize(
+    ("rig", "words", "asked", "printed"),
+    [
+        ("simulated", ["-1.5"], -1.5, "-1.5 V"),
+        # 35 deg are 3 V (section 2.4.2).
+        ("simulated", ["35deg"], 3.0, "3 V"),
+        ("quanser-2dsfl", ["20"], 20.0, "20 deg"),
+        ("mujoco-two-link", ["elbow", "90deg"], math.pi / 2, "elbow 1.5708 rad"),
+        ("no_such.yaml", ["elbow", "0.5"], 0.5, "elbow 0.5"),
+    ],
+)
+def test_reference___is_in_the_unit_of_the_running_rig_or_has_its_own(
+    up: Up,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    rig: str,
+    words: list[str],
+    asked: float,
+    printed: str,
+) -> None:
+    monkeypatch.setattr(f"{__name__}.PARAMS", [{"name": "rig", "value": rig}])
+    assert told(remote.reference, *words) == f"set-point {printed}\n"
+    assert up.asked[-1]["value_v"] == pytest.approx(asked, rel=1e-6)
+    assert up.asked[-1].get("joint", "") == "".join(words[:-1])
 
 
 @pytest.mark.parametrize(
@@ -263,7 +289,7 @@ def test_status___before_the_first_reports___tells_the_page(
 
 def test_reference___controller_that_is_not_active___tells_it(up: Up) -> None:
     up.note = "the controller is not active, activate controller"
-    assert told(remote.reference, "1") == f"set-point 1 V: {up.note}\n"
+    assert told(remote.reference, "1") == f"set-point 1: {up.note}\n"
 
 
 def test_verb___that_is_refused___says_why(up: Up) -> None:
@@ -298,7 +324,7 @@ def test_reference___up_that_does_not_answer___is_told_beside_the_answer_of_the_
     with pytest.raises(LaunchError) as refusal:
         told(remote.reference, "1")
     said = str(refusal.value)
-    assert said.startswith("no answer to reference")
+    assert said.startswith("no answer to get")
     assert "`flexarm up` runs here" in said
     assert "may still be done" in said
     assert "no controller was found" in said

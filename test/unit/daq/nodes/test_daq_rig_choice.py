@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from flexarm_core.errors import SettingError
@@ -31,6 +32,19 @@ def test_fast___for_a_real_rig___is_refused_by_its_name() -> None:
     values = {spec.name: spec.default for spec in (*PARAMETERS, *LOOP_PARAMETERS)}
     with pytest.raises(SettingError, match=r"^time = 'virtual', as --fast has it, .* leave it out"):
         make_rig(values | {"rig": "nidaq", "time": "virtual"})
+
+
+def test_seed___of_the_node___changes_the_noise_of_a_twin() -> None:
+    values = {spec.name: spec.default for spec in (*PARAMETERS, *LOOP_PARAMETERS)}
+    values |= {"rig": "quanser-2dsfl", "rate_hz": 500.0}
+
+    def first(seed: int) -> np.ndarray:
+        rig = make_rig(values | {"seed": seed})
+        rig.open()
+        return rig.read().outputs
+
+    assert not np.array_equal(first(1), first(2))
+    np.testing.assert_array_equal(first(1), first(1))
 
 
 @pytest.mark.parametrize("rig", [SimulatedRig(), NidaqRig()])

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flexarm_bringup.console import terminal
 from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import MASS_KG, Quantity
 from flexarm_bringup.graph.processes import NAMESPACE
@@ -86,7 +85,9 @@ def told_rig(rig: str) -> dict[str, str]:
 
 def twin_rig(model: Path) -> str:
     """Write the description of a model's twin, say and return where it is; a changed one stays."""
-    from flexarm_control.twin import twin_description  # noqa: PLC0415 - others load no models
+    # Verbs of a running arm answer at once, and load neither.
+    from flexarm_bringup.console import terminal  # noqa: PLC0415
+    from flexarm_control.twin import twin_description  # noqa: PLC0415
 
     file = Path("out", "twin", f"{model.absolute().parent.name}.yaml")
     made = twin_description(model)

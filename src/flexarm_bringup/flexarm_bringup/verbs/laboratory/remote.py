@@ -9,20 +9,22 @@ import click
 from click.core import ParameterSource
 
 from flexarm_bringup.console.called import as_called
-from flexarm_bringup.console.quantity import POSITION_V, Quantity
+from flexarm_bringup.console.quantity import Quantity, units_of_channel
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.assignments import parsed
 from flexarm_bringup.graph.hand import stop_every_arm, through
 from flexarm_bringup.graph.processes import MANAGED, NAMESPACE, LaunchError
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.bounds import shown
-from flexarm_core.channels import TRAVEL_V
+from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
+from flexarm_core.rig_description import load_rig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from flexarm_bringup.graph.hand import Hand
+    from flexarm_bringup.graph.set_point import SetPoint
 
 _LOOP = ("daq", "controller")
 _TOPIC = "topic"
@@ -96,21 +98,37 @@ class _OfNumbers(click.Command):
 def reference(words: tuple[str, ...], namespace: str) -> None:
     """Give the running controller a set-point.
 
-    That of the thesis's arm is in V, or has its unit: deg, rad. A joint of another rig is named,
-    and its set-point is in the unit of its angle. What is in force is printed.
+    It is in the unit of the rig, V for the thesis's arm, or has its own: deg, rad. Where there are
+    several joints, one is named. What is in force is printed.
     """
     *joints, text = words
     if len(joints) > 1:
         raise click.UsageError(f"one joint and one set-point, not {' '.join(words)}")
-    joint, unit = "".join(joints), "" if joints else " V"
-    kind: click.ParamType[Any] = (
-        click.FLOAT if joints else Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V)
-    )
-    context = click.get_current_context()
-    value: float = kind.convert(text, context.command.params[0], context)
-    in_force = through(namespace, lambda hand: hand.reference(value, joint))
+    joint, context = "".join(joints), click.get_current_context()
+
+    def give(hand: Hand) -> tuple[SetPoint, str]:
+        kind, unit = _set_point_kind(hand, joint)
+        value: float = kind.convert(text, context.command.params[0], context)
+        return hand.reference(value, joint), unit
+
+    in_force, unit = through(namespace, give)
     note = f": {as_called(in_force.note)}" if in_force.note else ""
     click.echo(f"set-point {f'{joint} ' if joint else ''}{in_force.value:g}{unit}{note}")
+
+
+def _set_point_kind(hand: Hand, joint: str) -> tuple[click.ParamType[Any], str]:
+    """Return what a set-point of the running rig is, and its unit.
+
+    The controller says what is wrong with a name. The description may be on another machine: then a
+    number has no unit here.
+    """
+    values = {each["name"]: each["value"] for each in hand.parameters("controller")["controller"]}
+    with suppress(SettingError, LookupError, ValueError):
+        rig = load_rig(values["rig"])
+        (track, *_) = (each for each in rig.tracks if joint in ("", each.name, each.output))
+        units = units_of_channel(rig.output(track.output))
+        return Quantity(units, track.low, track.high), f" {track.unit}"
+    return click.FLOAT, ""
 
 
 @click.command()

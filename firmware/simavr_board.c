@@ -6,6 +6,7 @@
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <math.h>
+#include <poll.h>
 #include <pty.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -153,8 +154,11 @@ static void listen(void)
     static char line[80];
     static size_t length;
     char letter;
-    ssize_t got;
-    while ((got = read(STDIN_FILENO, &letter, 1)) == 1) {
+    /* Not O_NONBLOCK: a terminal would keep it for the shell. */
+    struct pollfd input = {.fd = STDIN_FILENO, .events = POLLIN};
+    while (poll(&input, 1, 0) == 1) {
+        if (read(STDIN_FILENO, &letter, 1) != 1)
+            exit(0);
         if (letter != '\n' && length < sizeof line - 1) {
             line[length++] = letter;
             continue;
@@ -163,8 +167,6 @@ static void listen(void)
         length = 0;
         obey(line);
     }
-    if (got == 0)
-        exit(0);
 }
 
 static double wall_s(void)
@@ -202,7 +204,6 @@ int main(int count, char **arguments)
     cfmakeraw(&raw);
     tcsetattr(terminal, TCSANOW, &raw);
     fcntl(cable, F_SETFL, O_NONBLOCK);
-    fcntl(STDIN_FILENO, F_SETFL, O_NONBLOCK);
     setvbuf(stdout, NULL, _IOLBF, 0);
     printf("pty %s\n", name);
     begin_board();
