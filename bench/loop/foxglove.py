@@ -24,7 +24,7 @@ from flexarm_bags.sequence import sequence_of
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.verbs.laboratory.viewers import FOXGLOVE_NODE, foxglove_parameters
+from flexarm_bringup.verbs.laboratory.live_page import FOXGLOVE_NODE, foxglove_parameters
 from flexarm_core.errors import SettingError
 from flexarm_live.serving.foxglove_server import ADDRESS, require_foxglove
 

@@ -39,7 +39,7 @@ GROUPS = {
     "Run the laboratory": {
         "up": "laboratory.up:up",
         "status": "laboratory.remote:status",
-        "watch": "laboratory.watch:watch",
+        "watch": "laboratory.remote:watch",
         "reference": "laboratory.remote:reference",
         "get": "laboratory.remote:get",
         "set": "laboratory.remote:set_",
@@ -49,15 +49,15 @@ GROUPS = {
         "record": "laboratory.programs:record",
         "play": "laboratory.programs:play",
         "run": "laboratory.programs:run",
-        "exec": "checkout.execute:execute",
-        "ros2": "checkout.ros2:ros2",
+        "exec": "checkout.handing_on:execute",
+        "ros2": "checkout.handing_on:ros2",
     },
     "Work on the checkout": {
-        "reproduce": "checkout.reproduce:reproduce",
+        "reproduce": "checkout.handing_on:reproduce",
         "bench": "checkout.bench:bench",
         "docs": "checkout.docs:docs",
         "test": "checkout.checks:test",
-        "clean": "checkout.clean:clean",
+        "clean": "checkout.handing_on:clean",
     },
 }
 """Verbs in the order of the help, by groups, and the function that each is."""

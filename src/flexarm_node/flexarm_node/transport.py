@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from flexarm_core.errors import SettingError
-from flexarm_node.log_folder import log_settings
+from flexarm_core.own_files import OwnFileError, private_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,6 +43,8 @@ _SECURITY = "ROS_SECURITY_ENABLE"
 _SECURED = "librmw_fastrtps_shared_cpp.so"
 # From the message of a rmw_fastrtps that was built without security; another one has no such text.
 _NO_SECURITY = b"doesn't have the security libraries"
+_LOG = "ROS_LOG_DIR"
+_ROS_HOME = "ROS_HOME"
 _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 _PROFILES = Path(__file__).with_name("profiles")
 
@@ -153,6 +155,35 @@ def require_security(environment: Mapping[str, str], maps: str) -> None:
             f"{_SECURITY}=true: the ROS 2 of these Python packages is built without SROS2; "
             "use a ROS 2 installation, or unset it and see who may drive in docs/safety.md"
         )
+
+
+def log_settings(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment variables with which ROS finds a folder for its log files.
+
+    There are none where it can write in `~/.ros/log`, or where the user has chosen the folder.
+    Otherwise ROS would not start: the folder is a private one among the temporary files.
+
+    Raises
+    ------
+    SettingError
+        When there is no such folder either.
+    """
+    if environment.get(_LOG) or environment.get(_ROS_HOME):
+        return {}
+    if _takes_files(Path(environment.get("HOME", os.devnull), ".ros", "log")):
+        return {}
+    try:
+        return {_LOG: str(private_folder() / "log")}
+    except (OwnFileError, OSError) as error:
+        raise SettingError(f"no folder for log files: {error}; set {_LOG} to one") from None
+
+
+def _takes_files(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
 
 
 def set_up_middleware(*, loop: bool = False) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from flexarm_core.errors import SettingError
-from flexarm_node.log_folder import log_settings
+from flexarm_node.transport import log_settings
 
 NOWHERE = "/proc/none"
 

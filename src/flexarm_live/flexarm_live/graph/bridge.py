@@ -18,8 +18,7 @@ from flexarm_core.nearest import nearest
 from flexarm_core.patience import slowness
 from flexarm_live.graph.about import about_arm
 from flexarm_live.graph.calls import Calls, SilentNodeError
-from flexarm_live.graph.chain import Chain
-from flexarm_live.graph.command_lines import record_line
+from flexarm_live.graph.chain import Chain, record_line
 from flexarm_live.graph.jobs import Jobs
 from flexarm_live.graph.loop_nodes import LOOP_NODES, LoopNodes
 from flexarm_live.graph.node_parameters import NodeParameters

@@ -14,7 +14,7 @@ from flexarm_bringup.verbs.offline.tune import tune
 from flexarm_control.design.tuning_job import TUNINGS
 from flexarm_control.laws.registry import LAWS
 from flexarm_ident.workflow.request import Request
-from flexarm_live.graph.command_lines import identify_line, record_line, shown, tune_line
+from flexarm_live.graph.chain import identify_line, record_line, shown, tune_line
 
 if TYPE_CHECKING:
     import click

@@ -1,4 +1,4 @@
-"""Page of a running laboratory: its options, and its address on the terminal."""
+"""Page of a running laboratory and other viewers: options, and addresses on the terminal."""
 
 from __future__ import annotations
 
@@ -11,9 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from flexarm_bags.schema import share_of
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.client import Waiting
 from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
+from flexarm_core.channels import is_thesis_arm
+from flexarm_core.rig_description import load_rig
+from flexarm_live.serving.foxglove_server import USUAL_PORT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +27,17 @@ if TYPE_CHECKING:
 PAGE_NODE = "live"
 _EXECUTABLE = "live_node"
 _FOLDER = Path("out/live")
+FOXGLOVE_NODE = "foxglove"
+_FOXGLOVE_EXECUTABLE = "foxglove_node"
+FOXGLOVE = click.option(
+    "--foxglove",
+    "foxglove_port",
+    type=click.IntRange(1, 65535),
+    is_flag=False,
+    flag_value=USUAL_PORT,
+    metavar="[PORT]",
+    help=f"Serve the topics to Foxglove, Lichtblick and PlotJuggler; port {USUAL_PORT} by default.",
+)
 
 
 @dataclass(frozen=True)
@@ -99,6 +114,26 @@ class PageAddress(Address):
 
     def __init__(self, namespace: str, processes: NodeProcesses) -> None:
         super().__init__(processes, _EXECUTABLE, lambda: _address(namespace))
+
+
+class FoxgloveAddress(Address):
+    """Address for the viewers, which their node tells."""
+
+    def __init__(self, processes: NodeProcesses) -> None:
+        super().__init__(
+            processes, _FOXGLOVE_EXECUTABLE, lambda: processes.announcement(FOXGLOVE_NODE)
+        )
+
+
+def foxglove_parameters(port: int, rig: str) -> dict[str, Any]:
+    """Return the parameters of the node, with the shape of the arm.
+
+    That of the thesis's arm is a file, where the package has it.
+    """
+    if not is_thesis_arm(load_rig(rig)):
+        return {"port": port, "rig": rig}
+    share = share_of("flexarm_bringup")
+    return {"port": port} | ({} if share is None else {"urdf": share / "urdf" / "flexarm.urdf"})
 
 
 def tell_task(namespace: str, words: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -240,3 +241,24 @@ def _motion(hand: Hand, node: str) -> str:
         reference = values["reference"]
         return "to its set-point" if reference == _TOPIC else f"along its own {reference}"
     return ""
+
+
+@click.command()
+@ARM
+@examples("watch", "watch --namespace arm2", "watch | tee out/watch.txt")
+def watch(namespace: str) -> None:
+    """Show a running arm on the terminal, and move it by keys.
+
+    Space stops the drive at once, r begins anew after it, q quits. Arrows move the set-point by
+    1 degree, with Shift by 5, Page Up and Page Down by 10; Home takes it to 0. In a pipe a line is
+    printed each second.
+    """
+    # They load what draws, which the other verbs do without.
+    from flexarm_bringup.watch.follower import Follower  # noqa: PLC0415
+    from flexarm_bringup.watch.terminal import print_lines, show_screen  # noqa: PLC0415
+
+    with Follower(namespace) as arm:
+        if sys.stdin.isatty() and sys.stdout.isatty():
+            show_screen(arm)
+        else:
+            print_lines(arm)

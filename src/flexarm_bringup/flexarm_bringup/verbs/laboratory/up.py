@@ -19,9 +19,13 @@ from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import LABORATORY, recorded_topics, running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.laboratory.live_page import (
+    FOXGLOVE,
+    FOXGLOVE_NODE,
     PAGE_NODE,
+    FoxgloveAddress,
     PageAddress,
     PageSettings,
+    foxglove_parameters,
     page_options,
 )
 from flexarm_bringup.verbs.laboratory.lost_nodes import LostNodes
@@ -38,12 +42,6 @@ from flexarm_bringup.verbs.laboratory.options import (
     twin_rig,
 )
 from flexarm_bringup.verbs.laboratory.set_since import SetSince
-from flexarm_bringup.verbs.laboratory.viewers import (
-    FOXGLOVE,
-    FOXGLOVE_NODE,
-    FoxgloveAddress,
-    foxglove_parameters,
-)
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.rig_setup import CONTROLLER, SERVO
 from flexarm_control.sample_rate import suits

@@ -9,8 +9,8 @@ from click.testing import CliRunner
 
 from flexarm_bringup.graph import processes
 from flexarm_bringup.graph.processes import LaunchError, NodeProcesses, NodeProgram
+from flexarm_bringup.verbs.laboratory.live_page import FOXGLOVE, FoxgloveAddress
 from flexarm_bringup.verbs.laboratory.up import up
-from flexarm_bringup.verbs.laboratory.viewers import FOXGLOVE, FoxgloveAddress
 from flexarm_core.errors import SettingError
 from support.live_server import until
 
