@@ -16,8 +16,8 @@ import numpy as np
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from flexarm_bringup.graph.live_hand import live_hand
 from flexarm_bringup.graph.processes import NAMESPACE
+from flexarm_bringup.graph.socket_client import socket_client
 from flexarm_core.rig_description import load_rig
 from flexarm_live.graph.about import columns_of
 from flexarm_live.serving.encoding import HEAD
@@ -71,8 +71,8 @@ class Laboratory:
 
     def ask(self, verb: str, **fields: object) -> Any:  # noqa: ANN401 - data of the reply
         """Ask as a terminal does, and return the data of the reply."""
-        with live_hand(NAMESPACE) as hand:
-            return hand.ask(verb, _TRANSITION_S, **fields).data
+        with socket_client(NAMESPACE) as arm:
+            return arm.ask(verb, _TRANSITION_S, **fields).data
 
     def report(self) -> dict[str, str]:
         """Return the newest figures of the DAQ node."""

@@ -32,15 +32,15 @@ from flexarm_bags.check import check_bag
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.client import SERVICE_S
 from flexarm_bringup.graph.laboratory import running_graph
-from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
 from flexarm_bringup.graph.processes import NAMESPACE, LaunchError
+from flexarm_bringup.graph.socket_client import NoAnswerError, socket_client
 from flexarm_core.patience import Patience
 from flexarm_ident.reading.read import read_bag_report
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from flexarm_bringup.graph.run_figures import Run
+    from flexarm_bringup.graph.figures import Run
 
 _LOOKS = 200
 _DAY_S = 86400.0
@@ -166,8 +166,8 @@ def _open_page() -> Iterator[None]:
     patience = Patience(SERVICE_S)
     while True:
         try:
-            with live_hand(NAMESPACE) as hand:
-                address = hand.page()
+            with socket_client(NAMESPACE) as arm:
+                address = arm.page()
             break
         except NoAnswerError:
             if patience.is_over:

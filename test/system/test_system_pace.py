@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from flexarm_bringup.graph.run_figures import Run
+    from flexarm_bringup.graph.figures import Run
 
 pytestmark = pytest.mark.system
 

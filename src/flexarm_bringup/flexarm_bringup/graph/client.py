@@ -64,7 +64,7 @@ class Waiting:
             terminal.CONSOLE.print(f"  waiting for {self._what}, {waited_s:.0f} s so far")
 
 
-class GraphClient:
+class ServiceClient:
     """Client of the nodes of one arm.
 
     Parameters

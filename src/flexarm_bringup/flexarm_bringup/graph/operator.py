@@ -12,7 +12,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomi
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool
 
-from flexarm_bringup.graph.client import SERVICE_S, GraphClient
+from flexarm_bringup.graph.client import SERVICE_S, ServiceClient
 from flexarm_bringup.graph.processes import HeldDriveError, LaunchError
 from flexarm_bringup.graph.run_watch import RunWatch
 from flexarm_core.nearest import nearest
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
-    from flexarm_bringup.graph.run_figures import Run
+    from flexarm_bringup.graph.figures import Run
 
 _COMMANDS = ("command", "io_command")
 _SENDS = {"daq": ("state", "io"), "controller": _COMMANDS, "experiment": _COMMANDS}
@@ -42,13 +42,13 @@ _GOALS = {
 _COMPLAINTS_S = 1.0
 
 
-class Operator(GraphClient):
+class Operator(ServiceClient):
     """Operator of the nodes of one graph.
 
     Parameters
     ----------
     node, executor, check
-        As for `GraphClient`.
+        As for `ServiceClient`.
     complaint : callable
         Returns the last complaint of a node, by its name, or nothing.
     """

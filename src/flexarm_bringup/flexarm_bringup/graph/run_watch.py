@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
 
-from flexarm_bringup.graph.run_figures import Run
+from flexarm_bringup.graph.figures import Run
 from flexarm_core.patience import Patience
 from flexarm_msgs.msg import ArmState, IoSample
 from flexarm_node import qos

@@ -11,8 +11,8 @@ import time
 from typing import TYPE_CHECKING, NamedTuple
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.figures import Run
 from flexarm_bringup.graph.processes import HeldDriveError
-from flexarm_bringup.graph.run_figures import Run
 from flexarm_bringup.runs.loop_bag import LoopBag
 from flexarm_bringup.runs.recorded_run import completed_run
 from flexarm_control.laws.law_protocol import DriveCommand

@@ -7,8 +7,8 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flexarm_bringup.graph.figures import Run
     from flexarm_bringup.graph.operator import Operator
-    from flexarm_bringup.graph.run_figures import Run
 
 _OFF_RATE = (
     "the record's times are wrong, and frequencies that are identified from it "

@@ -13,8 +13,8 @@ from flexarm_ident.reading.read import read_bag_report
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from flexarm_bringup.graph.figures import Run
     from flexarm_bringup.graph.operator import Operator
-    from flexarm_bringup.graph.run_figures import Run
     from flexarm_ident.reading.alignment import BagReading
 
 

@@ -7,9 +7,9 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from flexarm_bringup.graph.hand import through
-from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
+from flexarm_bringup.graph.arm_client import through
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.socket_client import NoAnswerError, socket_client
 from flexarm_bringup.watch.history import History
 from flexarm_bringup.watch.screen import GONE, Units
 from flexarm_core.errors import FlexarmError, one_line
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from types import TracebackType
 
-    from flexarm_bringup.graph.live_hand import LiveHand
+    from flexarm_bringup.graph.socket_client import SocketClient
 
 _ASK_S = 0.1
 _RETRY_S = 1.0
@@ -69,9 +69,9 @@ class Follower:
             When no `up` of the arm runs.
         """
         try:
-            with live_hand(self._namespace) as hand:
-                hello = hand.ask("hello").data
-                self._ask(hand)
+            with socket_client(self._namespace) as arm:
+                hello = arm.ask("hello").data
+                self._ask(arm)
         except NoAnswerError as error:
             raise LaunchError(
                 f"{one_line(error)}: start it with ./flexarm up, without --no-page (one that has "
@@ -92,15 +92,15 @@ class Follower:
     def stop(self) -> None:
         """Hold the drive at zero, at once; over the graph when `up` does not answer."""
         self.note = "STOP ..."
-        self._command(lambda: through(self._namespace, lambda hand: hand.stop()))
+        self._command(lambda: through(self._namespace, lambda arm: arm.stop()))
 
     def release(self) -> None:
         """Begin a new run after a stop."""
         self.note = "releasing ..."
 
         def released() -> str:
-            with live_hand(self._namespace) as hand:
-                return hand.ask("release", _RELEASE_S).message
+            with socket_client(self._namespace) as arm:
+                return arm.ask("release", _RELEASE_S).message
 
         self._command(released)
 
@@ -141,21 +141,21 @@ class Follower:
     def _attend(self) -> None:
         """Follow as long as `up` answers."""
         try:
-            with live_hand(self._namespace) as hand:
+            with socket_client(self._namespace) as arm:
                 # What was wanted while nobody answered is no news any more.
                 self._news.clear()
                 while not self._ending.is_set():
-                    self._ask(hand)
+                    self._ask(arm)
                     if self._news.wait(_ASK_S):
                         self._news.clear()
-                        self._send(hand, self._moved_v)
+                        self._send(arm, self._moved_v)
         except LaunchError as error:
             self.state = {"badge": GONE, "reason": one_line(error)}
 
-    def _send(self, hand: LiveHand, wanted_v: float) -> None:
+    def _send(self, arm: SocketClient, wanted_v: float) -> None:
         try:
             first, *others = self.units.set_points
-            in_force = hand.reference(wanted_v, first["joint"] if others else "")
+            in_force = arm.reference(wanted_v, first["joint"] if others else "")
             shown = self.units.shown(first["name"], in_force.value)
             words = [f"set-point {shown}", in_force.note]
             self.note = ": ".join(filter(None, words))
@@ -164,9 +164,9 @@ class Follower:
         except LaunchError as error:
             self.note = f"refused: {one_line(error)}"
 
-    def _ask(self, hand: LiveHand) -> None:
-        self.state = hand.ask("status").data
-        found = hand.ask("samples", after=self._taken).data
+    def _ask(self, arm: SocketClient) -> None:
+        self.state = arm.ask("status").data
+        found = arm.ask("samples", after=self._taken).data
         self._taken = found["taken"]
         self.history.add(found["t_s"], found["values"])
 

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from flexarm_bringup.graph.run_figures import Run
+from flexarm_bringup.graph.figures import Run
 from flexarm_bringup.runs.pace import Pace, pace_text
 from flexarm_node.process import PRIORITY
 

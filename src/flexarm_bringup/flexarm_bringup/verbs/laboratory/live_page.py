@@ -14,7 +14,7 @@ import click
 from flexarm_bags.schema import share_of
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.client import Waiting
-from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
+from flexarm_bringup.graph.socket_client import NoAnswerError, socket_client
 from flexarm_core.channels import is_thesis_arm
 from flexarm_core.rig_description import load_rig
 from flexarm_live.serving.foxglove_server import USUAL_PORT
@@ -138,14 +138,14 @@ def foxglove_parameters(port: int, rig: str) -> dict[str, Any]:
 
 def tell_task(namespace: str, words: str) -> None:
     """Tell the page of an arm what it is used for now, unless it has gone."""
-    with suppress(NoAnswerError), live_hand(namespace) as page:
+    with suppress(NoAnswerError), socket_client(namespace) as page:
         page.ask("task", text=words)
 
 
 def _address(namespace: str) -> str:
     """Return the address of the page of an arm; empty while it is not served."""
     try:
-        with live_hand(namespace) as page:
+        with socket_client(namespace) as page:
             return page.page()
     except NoAnswerError:
         return ""

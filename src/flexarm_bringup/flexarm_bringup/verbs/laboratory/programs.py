@@ -11,8 +11,8 @@ import click
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.quantity import TIME_S, Quantity
 from flexarm_bringup.console.verb_group import RUN_ON, examples
-from flexarm_bringup.graph.live_hand import live_hand
 from flexarm_bringup.graph.processes import LaunchError, NodeProgram, find_executable
+from flexarm_bringup.graph.socket_client import socket_client
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.labels import counted
 
@@ -92,7 +92,7 @@ def record(
 
 def _is_up(namespace: str) -> bool:
     try:
-        with live_hand(namespace):
+        with socket_client(namespace):
             return True
     except LaunchError:
         return False

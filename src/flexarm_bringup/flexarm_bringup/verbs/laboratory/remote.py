@@ -12,8 +12,8 @@ from click.core import ParameterSource
 from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import Quantity, units_of_channel
 from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.graph.arm_client import stop_every_arm, through
 from flexarm_bringup.graph.assignments import parsed
-from flexarm_bringup.graph.hand import stop_every_arm, through
 from flexarm_bringup.graph.processes import MANAGED, NAMESPACE, LaunchError
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.bounds import shown
@@ -24,8 +24,8 @@ from flexarm_core.rig_description import load_rig
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_bringup.graph.hand import Hand
-    from flexarm_bringup.graph.set_point import SetPoint
+    from flexarm_bringup.graph.arm_client import ArmClient
+    from flexarm_bringup.graph.figures import SetPoint
 
 _LOOP = ("daq", "controller")
 _TOPIC = "topic"
@@ -44,7 +44,7 @@ def stop(*, namespace: str, everything: bool) -> None:
     if everything and source is ParameterSource.COMMANDLINE:
         raise click.UsageError("give --all, or --namespace for one arm")
     if not everything:
-        click.echo(through(namespace, lambda hand: hand.stop()))
+        click.echo(through(namespace, lambda arm: arm.stop()))
         of = "" if namespace == NAMESPACE else f" --namespace {namespace.strip('/')}"
         click.echo(as_called(f"Then: flexarm deactivate daq{of} && flexarm activate daq{of}"))
         return
@@ -66,7 +66,7 @@ def status(namespace: str) -> None:
 
     The address of the page comes first, if there is one.
     """
-    reports, page = through(namespace, lambda hand: (hand.reports(), hand.page()))
+    reports, page = through(namespace, lambda arm: (arm.reports(), arm.page()))
     if page:
         click.echo(page)
     if not reports:
@@ -107,23 +107,23 @@ def reference(words: tuple[str, ...], namespace: str) -> None:
         raise click.UsageError(f"one joint and one set-point, not {' '.join(words)}")
     joint, context = "".join(joints), click.get_current_context()
 
-    def give(hand: Hand) -> tuple[SetPoint, str]:
-        kind, unit = _set_point_kind(hand, joint)
+    def give(arm: ArmClient) -> tuple[SetPoint, str]:
+        kind, unit = _set_point_kind(arm, joint)
         value: float = kind.convert(text, context.command.params[0], context)
-        return hand.reference(value, joint), unit
+        return arm.reference(value, joint), unit
 
     in_force, unit = through(namespace, give)
     note = f": {as_called(in_force.note)}" if in_force.note else ""
     click.echo(f"set-point {f'{joint} ' if joint else ''}{in_force.value:g}{unit}{note}")
 
 
-def _set_point_kind(hand: Hand, joint: str) -> tuple[click.ParamType[Any], str]:
+def _set_point_kind(arm: ArmClient, joint: str) -> tuple[click.ParamType[Any], str]:
     """Return what a set-point of the running rig is, and its unit.
 
     The controller says what is wrong with a name. The description may be on another machine: then a
     number has no unit here.
     """
-    values = {each["name"]: each["value"] for each in hand.parameters("controller")["controller"]}
+    values = {each["name"]: each["value"] for each in arm.parameters("controller")["controller"]}
     with suppress(SettingError, LookupError, ValueError):
         rig = load_rig(values["rig"])
         (track, *_) = (each for each in rig.tracks if joint in ("", each.name, each.output))
@@ -140,7 +140,7 @@ def _set_point_kind(hand: Hand, joint: str) -> tuple[click.ParamType[Any], str]:
 def get(node: str, names: tuple[str, ...], namespace: str) -> None:
     """List parameters of running nodes with units and bounds."""
     namespace, node = _addressed(node, namespace)
-    tables = through(namespace, lambda hand: hand.parameters(node))
+    tables = through(namespace, lambda arm: arm.parameters(node))
     for each, params in tables.items():
         known = {str(param["name"]): param for param in params}
         for name in names:
@@ -189,7 +189,7 @@ def set_(node: str, assignments: tuple[str, ...], namespace: str) -> None:
         raise click.UsageError(f"{lacking} is missing: {example}")
     namespace, node = _addressed(node, namespace)
     wanted: dict[str, Any] = dict(parsed(each) for each in assignments)
-    changes = through(namespace, lambda hand: hand.set(node, wanted))
+    changes = through(namespace, lambda arm: arm.set(node, wanted))
     for name, (before, after) in changes.items():
         click.echo(f"{node} {name}: {before} -> {after}")
 
@@ -209,7 +209,7 @@ def _managed(node: str, namespace: str) -> tuple[str, str]:
 def activate(node: str, namespace: str) -> None:
     """Activate a running node: daq, controller or experiment."""
     namespace, node = _managed(node, namespace)
-    state, motion = through(namespace, lambda hand: (hand.activate(node), _motion(hand, node)))
+    state, motion = through(namespace, lambda arm: (arm.activate(node), _motion(arm, node)))
     told = motion and f"; while both are, the controller drives the arm {motion}"
     click.echo(f"{node} is {state}{told}")
 
@@ -221,12 +221,12 @@ def activate(node: str, namespace: str) -> None:
 def deactivate(node: str, namespace: str) -> None:
     """Deactivate a running node; the drive goes to zero."""
     namespace, node = _managed(node, namespace)
-    state, motion = through(namespace, lambda hand: (hand.deactivate(node), _motion(hand, node)))
+    state, motion = through(namespace, lambda arm: (arm.deactivate(node), _motion(arm, node)))
     told = motion and f"; once active again, an active controller drives the arm {motion}, at once"
     click.echo(f"{node} is {state}{told}")
 
 
-def _motion(hand: Hand, node: str) -> str:
+def _motion(arm: ArmClient, node: str) -> str:
     """Return where the controller drives the arm while it and the DAQ node are active.
 
     The reports of the nodes have the set-point of up to a second ago.
@@ -234,7 +234,7 @@ def _motion(hand: Hand, node: str) -> str:
     if node not in _LOOP:
         return ""
     with suppress(LaunchError, KeyError):
-        params = hand.parameters("controller")["controller"]
+        params = arm.parameters("controller")["controller"]
         values = {str(each["name"]): each["value"] for each in params}
         if values.get("trajectory"):
             return "along its trajectory"

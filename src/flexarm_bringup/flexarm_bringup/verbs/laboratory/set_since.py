@@ -17,7 +17,7 @@ from flexarm_node import qos
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_bringup.graph.client import GraphClient
+    from flexarm_bringup.graph.client import ServiceClient
 
 # A node that is started anew gets its own, and shall not play a trajectory once more.
 _NOT_AGAIN = ("listeners", "autostart", "use_sim_time", "trajectory")
@@ -30,13 +30,13 @@ class SetSince:
 
     Parameters
     ----------
-    client : GraphClient
+    client : ServiceClient
         Client of the arm's nodes; changes are heard while it waits for something.
     name : str
         Name of the node.
     """
 
-    def __init__(self, client: GraphClient, name: str) -> None:
+    def __init__(self, client: ServiceClient, name: str) -> None:
         self._node = client.full_name(name)
         self._values: dict[str, Any] = {}
         self._has_models = False

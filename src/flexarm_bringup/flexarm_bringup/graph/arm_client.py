@@ -1,4 +1,4 @@
-"""Hand on a running arm: what another terminal may ask of it, over the socket of `up` or the graph.
+"""Client of a running arm: what a verb may ask of it, over the socket of `up` or the graph.
 
 A start of rclpy and a discovery take seconds, a connection to the socket takes a millisecond.
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from flexarm_bringup.graph.live_hand import NoAnswerError, SilentUpError, live_hand
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.socket_client import NoAnswerError, SilentUpError, socket_client
 from flexarm_core.errors import one_line
 from flexarm_core.own_files import OwnFileError
 from flexarm_live.terminal_socket import namespaces
@@ -17,13 +17,13 @@ from flexarm_live.terminal_socket import namespaces
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from flexarm_bringup.graph.set_point import SetPoint
+    from flexarm_bringup.graph.figures import SetPoint
 
 Result = TypeVar("Result")
 
 
-class Hand(Protocol):
-    """Hand on one arm; a `LaunchError` says what was refused."""
+class ArmClient(Protocol):
+    """Client of one arm; a `LaunchError` says what was refused."""
 
     def stop(self) -> str:
         """Hold the drive at zero until the DAQ node is deactivated; return what it says."""
@@ -54,7 +54,7 @@ class Hand(Protocol):
         """Deactivate a managed node and return its state."""
 
 
-def through(namespace: str, do: Callable[[Hand], Result]) -> Result:
+def through(namespace: str, do: Callable[[ArmClient], Result]) -> Result:
     """Do something over the socket of `up`; over the graph where that is not there or not enough.
 
     Parameters
@@ -62,11 +62,11 @@ def through(namespace: str, do: Callable[[Hand], Result]) -> Result:
     namespace : str
         Namespace of the arm.
     do : callable
-        Called with the hand, perhaps twice: what it asks for may be asked for again.
+        Called with the client, perhaps twice: what it asks for may be asked for again.
     """
     try:
-        with live_hand(namespace) as hand:
-            return do(hand)
+        with socket_client(namespace) as arm:
+            return do(arm)
     except SilentUpError as silent:
         try:
             return _through_graph(namespace, do)
@@ -79,11 +79,11 @@ def through(namespace: str, do: Callable[[Hand], Result]) -> Result:
         return _through_graph(namespace, do)
 
 
-def _through_graph(namespace: str, do: Callable[[Hand], Result]) -> Result:
-    from flexarm_bringup.graph.graph_hand import graph_hand  # noqa: PLC0415 - it loads rclpy
+def _through_graph(namespace: str, do: Callable[[ArmClient], Result]) -> Result:
+    from flexarm_bringup.graph.graph_client import graph_client  # noqa: PLC0415 - it loads rclpy
 
-    with graph_hand(namespace) as hand:
-        return do(hand)
+    with graph_client(namespace) as arm:
+        return do(arm)
 
 
 def stop_every_arm() -> Iterator[tuple[str, str]]:
@@ -103,7 +103,7 @@ def stop_every_arm() -> Iterator[tuple[str, str]]:
     for arm, message in _stopped_over_sockets():
         stopped.add(arm)
         yield arm, message
-    from flexarm_bringup.graph.graph_hand import stop_arms_of_graph  # noqa: PLC0415 - as above
+    from flexarm_bringup.graph.graph_client import stop_arms_of_graph  # noqa: PLC0415 - as above
 
     yield from stop_arms_of_graph(stopped)
 
@@ -114,8 +114,8 @@ def _stopped_over_sockets() -> Iterator[tuple[str, str]]:
     from concurrent.futures import ThreadPoolExecutor, as_completed  # noqa: PLC0415
 
     def stop(namespace: str) -> str:
-        with live_hand(namespace) as hand:
-            return hand.stop()
+        with socket_client(namespace) as arm:
+            return arm.stop()
 
     try:
         found = namespaces()

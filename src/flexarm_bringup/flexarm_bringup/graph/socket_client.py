@@ -1,4 +1,4 @@
-"""Hand on a running arm over the Unix socket of its `up`: one JSON object a line, and its reply."""
+"""Client of a running arm over the Unix socket of its `up`: lines of JSON and their replies."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_bringup.graph.assignments import assigned
+from flexarm_bringup.graph.figures import SetPoint
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.graph.set_point import SetPoint
 from flexarm_core.errors import one_line
 from flexarm_core.own_files import OwnFileError
 from flexarm_core.patience import slowness
@@ -51,18 +51,18 @@ class Answer(NamedTuple):
 
 
 @contextmanager
-def live_hand(namespace: str) -> Iterator[LiveHand]:
+def socket_client(namespace: str) -> Iterator[SocketClient]:
     """Connect to the `up` of an arm; a `NoAnswerError` when there is none."""
     try:
         connection = connect(namespace)
     except (OSError, OwnFileError) as error:
         raise NoAnswerError(f"no page of a `flexarm up` of {namespace} answers here") from error
     with connection:
-        yield LiveHand(connection)
+        yield SocketClient(connection)
 
 
-class LiveHand:
-    """Hand on the arm at the other end of a connection; see `graph.hand.Hand`."""
+class SocketClient:
+    """Client of the arm at the other end of a connection; see `graph.arm_client.ArmClient`."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from click.testing import CliRunner
 
-from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.socket_client import NoAnswerError, socket_client
 from flexarm_bringup.verbs.laboratory import remote
 from flexarm_live.terminal_socket import listen
 
@@ -250,7 +250,7 @@ def test_stop_of_every_arm___first_asks_each_up_of_this_domain(
         graph.append(tuple(sorted(stopped_already)))
         yield "/of/graph", "held too"
 
-    monkeypatch.setattr("flexarm_bringup.graph.graph_hand.stop_arms_of_graph", others)
+    monkeypatch.setattr("flexarm_bringup.graph.graph_client.stop_arms_of_graph", others)
     with listen("/lab/arm_2") as listening, listen("/hanging") as hanging, listen("/gone"):
         second, third = Up(listening), Up(hanging)
         third.silent = True
@@ -280,7 +280,7 @@ def test_status___directly_after_the_start___waits_for_the_first_reports(up: Up)
 def test_status___before_the_first_reports___tells_the_page(
     up: Up, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("flexarm_bringup.graph.live_hand._FIRST_REPORTS_S", 0.2)
+    monkeypatch.setattr("flexarm_bringup.graph.socket_client._FIRST_REPORTS_S", 0.2)
     up.reports = {}
     assert told(remote.status) == (
         "http://127.0.0.1:8117/#token=none\nno node has reported yet: each does once a second\n"
@@ -319,7 +319,7 @@ def test_reference___up_that_does_not_answer___is_told_beside_the_answer_of_the_
     def graph(_namespace: str, _do: object) -> None:
         raise LaunchError("no controller was found")
 
-    monkeypatch.setattr("flexarm_bringup.graph.hand._through_graph", graph)
+    monkeypatch.setattr("flexarm_bringup.graph.arm._through_graph", graph)
     up.silent = True
     with pytest.raises(LaunchError) as refusal:
         told(remote.reference, "1")
@@ -337,14 +337,14 @@ def test_stop___that_up_does_not_carry_out___is_left_to_the_graph(
     up: Up, refusal: str, *, silent: bool
 ) -> None:
     up.refusal, up.silent = refusal, silent
-    with live_hand(ARM) as hand, pytest.raises(NoAnswerError):
-        hand.stop()
+    with socket_client(ARM) as arm, pytest.raises(NoAnswerError):
+        arm.stop()
 
 
 @pytest.mark.parametrize("value", ["inf", "-inf"])
 def test_set___number_that_json_cannot_tell___is_left_to_the_graph(up: Up, value: str) -> None:
-    with live_hand(ARM) as hand, pytest.raises(NoAnswerError, match="no such number"):
-        hand.set("controller", {"pd.kp": value})
+    with socket_client(ARM) as arm, pytest.raises(NoAnswerError, match="no such number"):
+        arm.set("controller", {"pd.kp": value})
     assert not [each for each in up.asked if each["do"] == "set"]
 
 
@@ -353,7 +353,7 @@ def test_arm___without_an_up___is_left_to_the_graph(
 ) -> None:
     monkeypatch.setattr("flexarm_core.own_files.gettempdir", lambda: str(tmp_path))
     words = f"no page of a `flexarm up` of {ARM} answers here"
-    with pytest.raises(NoAnswerError, match=words), live_hand(ARM):
+    with pytest.raises(NoAnswerError, match=words), socket_client(ARM):
         pytest.fail("there is none")
 
 

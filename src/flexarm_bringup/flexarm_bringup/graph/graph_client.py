@@ -1,4 +1,4 @@
-"""Hand on a running arm as a node of its graph, and the stop of every arm that is found there."""
+"""Client of a running arm as a node of its graph, and the stop of every arm that is found there."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from rcl_interfaces.srv import DescribeParameters, ListParameters
 from std_srvs.srv import Trigger
 
 from flexarm_bringup.graph.assignments import assigned
+from flexarm_bringup.graph.figures import SetPoint
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import REMOTE, ros_domain, session
-from flexarm_bringup.graph.set_point import SetPoint
 from flexarm_core.nearest import nearest_node
 from flexarm_live.graph.node_parameters import own_names, shown
 from flexarm_node import qos
@@ -36,14 +36,14 @@ _STOP = "emergency_stop"
 
 
 @contextmanager
-def graph_hand(namespace: str) -> Iterator[GraphHand]:
+def graph_client(namespace: str) -> Iterator[GraphClient]:
     """Join the graph of an arm."""
     with session(REMOTE, namespace=namespace) as operator:
-        yield GraphHand(operator)
+        yield GraphClient(operator)
 
 
-class GraphHand:
-    """Hand on the arm of an operator; see `graph.hand.Hand`."""
+class GraphClient:
+    """Client of the arm of an operator; see `graph.arm_client.ArmClient`."""
 
     def __init__(self, operator: Operator) -> None:
         self._operator = operator

@@ -1,4 +1,4 @@
-"""Figures of a run of the loop that has ended."""
+"""Figures that a running arm answers with: the set-point in force, and those of a run."""
 
 from __future__ import annotations
 
@@ -19,3 +19,10 @@ class Run(NamedTuple):
     recorded: str = ""
     off_rate: str = ""
     reply_s: float = math.nan
+
+
+class SetPoint(NamedTuple):
+    """Set-point in force, and what a user should know of it; mostly nothing."""
+
+    value: float
+    note: str = ""
