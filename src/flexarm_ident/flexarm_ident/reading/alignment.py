@@ -17,8 +17,8 @@ from flexarm_ident.reading.stream import Header
 from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_rows, timetable
 from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
 from flexarm_ident.records.data_warning import SAMPLING
+from flexarm_ident.records.holes import joined
 from flexarm_ident.records.iodata import ARM_OUTPUTS, IoData
-from flexarm_ident.records.source import joined
 from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
 from flexarm_ident.subspace.loop_test import judged_loop
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm_core.errors import DataError
-from flexarm_ident.records.holes import CONTEXT, filled_pieces
+from flexarm_ident.records.holes import CONTEXT, filled_pieces, joined
 from flexarm_ident.records.iodata import IoData
-from flexarm_ident.records.source import even_chunks, joined
+from flexarm_ident.records.source import even_chunks
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

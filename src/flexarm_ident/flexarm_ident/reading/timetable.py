@@ -14,7 +14,7 @@ import numpy as np
 from flexarm_core.errors import DataError
 from flexarm_ident.reading.grid import held, on_grid, place
 from flexarm_ident.reading.sampling import longest_run, notices
-from flexarm_ident.records.source import joined
+from flexarm_ident.records.holes import joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -13,10 +13,9 @@ import numpy as np
 
 from flexarm_core.arrays import runs
 from flexarm_core.labels import counted, instant
-from flexarm_ident.records.source import joined
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -179,3 +178,10 @@ def lagrange(nodes: FloatArray, values: FloatArray, at: FloatArray) -> FloatArra
             if i != j:
                 weights[:, i] *= (at - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
     return np.asarray(np.einsum("pi,pi...->p...", weights, values))
+
+
+def joined(pieces: Sequence[Rows]) -> Rows:
+    """Return pieces of u and y, one or more, as one."""
+    if len(pieces) == 1:
+        return pieces[0]
+    return np.concatenate([u for u, _ in pieces]), np.concatenate([y for _, y in pieces])

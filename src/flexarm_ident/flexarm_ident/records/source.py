@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
+from flexarm_ident.records.holes import joined
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.data_warning import DataWarning
@@ -80,10 +80,3 @@ def even_chunks(
             count += len(u)
     if count:
         yield joined(waiting)
-
-
-def joined(pieces: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-    """Return pieces of u and y, one or more, as one."""
-    if len(pieces) == 1:
-        return pieces[0]
-    return np.concatenate([u for u, _ in pieces]), np.concatenate([y for _, y in pieces])
