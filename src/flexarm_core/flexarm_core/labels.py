@@ -79,7 +79,7 @@ _FEWEST_DECIMALS, _MOST_DECIMALS = -2, 8
 
 
 def label_and_unit(name: str) -> tuple[str, str]:
-    """Return the words and the unit of a channel: ``base strain`` and ``V`` of ``base_strain_v``.
+    """Return the words and the unit of a channel: ``tip strain`` and ``V`` of ``tip_strain_v``.
 
     The unit is empty when the name has none.
     """

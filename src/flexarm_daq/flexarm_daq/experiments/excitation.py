@@ -41,14 +41,14 @@ _ROUNDING_S = 1e-9
 class Excitation(Protocol):
     """Signal that excites the arm."""
 
-    def step(self, time_s: float, position_v: float) -> float:
+    def step(self, time_s: float, angle_v: float) -> float:
         """Return the command at a sample, V.
 
         Parameters
         ----------
         time_s : float
             Time since the start, s; must not decrease between two calls of `reset`.
-        position_v : float
+        angle_v : float
             Measured position, V.
         """
 
@@ -90,7 +90,7 @@ class Square:
 
     magnitude_v: float
 
-    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+    def step(self, time_s: float, angle_v: float) -> float:  # noqa: ARG002 - the protocol has it
         """Return the command at a sample; see `Excitation.step`."""
         return self.magnitude_v * alternating(time_s)
 
@@ -120,7 +120,7 @@ class PeriodicRandom(_HeldRandom):
     The magnitude is uniformly distributed from 0 to `magnitude_v`.
     """
 
-    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+    def step(self, time_s: float, angle_v: float) -> float:  # noqa: ARG002 - the protocol has it
         """Return the command at a sample; see `Excitation.step`."""
         return self.magnitude_v * self._held.at(time_s) * alternating(time_s)
 
@@ -141,7 +141,7 @@ class VaryingSquare:
     def __post_init__(self) -> None:
         self.reset()
 
-    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+    def step(self, time_s: float, angle_v: float) -> float:  # noqa: ARG002 - the protocol has it
         """Return the command at a sample; see `Excitation.step`."""
         while time_s + _ROUNDING_S >= self._start_s + self._period_s:
             self._start_s += self._period_s
@@ -165,7 +165,7 @@ class Random(_HeldRandom):
     The command is uniformly distributed between both signs of `magnitude_v`.
     """
 
-    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+    def step(self, time_s: float, angle_v: float) -> float:  # noqa: ARG002 - the protocol has it
         """Return the command at a sample; see `Excitation.step`."""
         return self.magnitude_v * (2.0 * self._held.at(time_s) - 1.0)
 
@@ -192,9 +192,9 @@ class Bounded:
     bound_v: float = BOUND_V
     _direction: float = field(default=1.0, init=False, repr=False)
 
-    def step(self, time_s: float, position_v: float) -> float:
+    def step(self, time_s: float, angle_v: float) -> float:
         """Return the command at a sample; see `Excitation.step`."""
-        if self._direction * position_v >= self.bound_v:
+        if self._direction * angle_v >= self.bound_v:
             self._direction = -self._direction
         share = 1.0 if self.held is None else self.held.at(time_s)
         return self._direction * self.magnitude_v * share
@@ -221,7 +221,7 @@ class Wave:
     magnitude_v: float
     wave: Callable[[float], float]
 
-    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+    def step(self, time_s: float, angle_v: float) -> float:  # noqa: ARG002 - the protocol has it
         """Return the command at a sample; see `Excitation.step`."""
         return self.magnitude_v * self.wave(time_s)
 
@@ -253,12 +253,12 @@ class Pulses:
     _height_v: float = field(default=0.0, init=False, repr=False)
     _has_moved: bool = field(default=False, init=False, repr=False)
 
-    def step(self, time_s: float, position_v: float) -> float:
+    def step(self, time_s: float, angle_v: float) -> float:
         """Return the command at a sample; see `Excitation.step`."""
         if self._start_v is None:
-            self._start_v = position_v
+            self._start_v = angle_v
         number, in_pair_s = divmod(time_s + _ROUNDING_S, PAUSE_S + 2.0 * PULSE_S)
-        self._has_moved |= abs(position_v - self._start_v) >= self.moved_v
+        self._has_moved |= abs(angle_v - self._start_v) >= self.moved_v
         if number > self._number:
             self._number = number
             share = 0.0 if self._has_moved else min(_FIRST_PULSE * _GROWTH**number, 1.0)

@@ -217,15 +217,15 @@ def _follow(
         deadline_s = time.monotonic() + 1.0 / rate_hz
         in_force_v[k] = applied_v
         volts[k] = rig.read().outputs
-        position_v = volts[k, 0]
-        if abs(position_v) > _MAX_START_V:
+        hub_v = volts[k, 0]
+        if abs(hub_v) > _MAX_START_V:
             raise SelfTestError(
-                f"self-test: position_v (ACH0) reads {position_v:.2f} V: turn the arm to the "
+                f"self-test: {CHANNEL_NAMES[0]} (ACH0) reads {hub_v:.2f} V: turn the arm to the "
                 f"middle, within {_MAX_START_V:g} V, by hand; else check the sensor"
             )
-        if commands_v.any() and abs(position_v - volts[0, 0]) > _MAX_MOVE_V:
+        if commands_v.any() and abs(hub_v - volts[0, 0]) > _MAX_MOVE_V:
             raise SelfTestError(
-                f"self-test: position_v (ACH0) moved by more than {_MAX_MOVE_V:g} V "
+                f"self-test: {CHANNEL_NAMES[0]} (ACH0) moved by more than {_MAX_MOVE_V:g} V "
                 f"{'at a small pulse' if in_force_v.any() else 'with the drive at zero'}: wait "
                 "until the arm rests; else check the sensor, the arm and the drive's gain"
             )

@@ -160,12 +160,14 @@ class SensorCheck:
     def _of_thesis(self, rate_hz: float) -> Iterator[_Range]:
         """Yield the ranges of the thesis's arm, with its own times at their ends."""
         gauge_samples = math.ceil(self.limits.gauge_saturated_s * rate_hz)
+        rig = load_rig("thesis")
+        (hub,) = rig.joints
         samples = {
-            "position_v": self.limits.travel_samples,
-            "speed_v": math.ceil(self.limits.speed_saturated_s * rate_hz),
+            hub.angle: self.limits.travel_samples,
+            hub.rate: math.ceil(self.limits.speed_saturated_s * rate_hz),
         }
-        for output in load_rig("thesis").outputs:
-            is_position = output.name == "position_v"
+        for output in rig.outputs:
+            is_position = output.name == hub.angle
             high = self.limits.max_position_v if is_position else SATURATED_V
             yield _range(output, -high, high, samples.get(output.name, gauge_samples), is_position)
 

@@ -60,6 +60,7 @@ PARAMETERS = read_table(
         "max_command_v": MAX_COMMAND_V,
         "input_range_v": INPUT_RANGE_V,
         "channels": CHANNEL_NAMES,
+        "first_channel": CHANNEL_NAMES[0],
         "noises": tuple(NOISE_V),
         "terminals": TERMINALS,
         "faults": (_NO_FAULT, *(fault.value for fault in Fault)),

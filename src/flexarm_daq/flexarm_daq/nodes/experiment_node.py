@@ -73,8 +73,8 @@ class Driven(NamedTuple):
     def effort(self, time_s: float, outputs: Sequence[float]) -> float:
         """Return the command of the input at a sample."""
         position = self.middle if self.place is None else outputs[self.place]
-        position_v = self.volts_per_unit * (position - self.middle)
-        return self.rest + self.per_volt * self.excitation.step(time_s * self.pace, position_v)
+        angle_v = self.volts_per_unit * (position - self.middle)
+        return self.rest + self.per_volt * self.excitation.step(time_s * self.pace, angle_v)
 
 
 def driven_inputs(rig: RigDescription, values: Mapping[str, Any]) -> tuple[Driven, ...]:

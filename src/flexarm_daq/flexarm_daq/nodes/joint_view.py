@@ -45,12 +45,12 @@ class ThesisJoints:
 
     def of(self, outputs: Sequence[float], commands: Sequence[float]) -> JointValues:
         """Return angles from position and gauges; speed and torque are those of the hub."""
-        position_v, *strains_v, speed_v = outputs
+        angle_v, *gauges_v, rate_v = outputs
         position, _, _, speed = CHANNELS
         torque_nm = COMMAND.to_si(commands[0]) * self._torque_nm_per_a
         return JointValues(
-            [position.to_si(position_v), *(self._bend_angles @ strains_v)],
-            [speed.to_si(speed_v), *self._unknown],
+            [position.to_si(angle_v), *(self._bend_angles @ gauges_v)],
+            [speed.to_si(rate_v), *self._unknown],
             [torque_nm, *self._unknown],
         )
 
