@@ -19,14 +19,15 @@ def sampled(
     B: Sequence[Sequence[float]],
     C: Sequence[Sequence[float]],
     D: Sequence[Sequence[float]] | float = 0.0,
+    dt_s: float = DT_S,
     **names: Sequence[str],
 ) -> control.StateSpace:
-    """Return a plant with held inputs at 500 Hz."""
-    found = control.c2d(control.StateSpace(A, B, C, D), DT_S)
-    return control.StateSpace(found.A, found.B, found.C, found.D, DT_S, **names)
+    """Return a plant with held inputs, by default at 500 Hz."""
+    found = control.c2d(control.StateSpace(A, B, C, D), dt_s)
+    return control.StateSpace(found.A, found.B, found.C, found.D, dt_s, **names)
 
 
-def bending_arm(outputs: int = 2) -> control.StateSpace:
+def bending_arm(outputs: int = 2, dt_s: float = DT_S) -> control.StateSpace:
     """Return a hub with viscous friction at .5 rad/s and one vibration of 8 Hz, 1 % damped."""
     speed = 2.0 * math.pi * 8.0
     A = np.zeros((4, 4))
@@ -35,7 +36,7 @@ def bending_arm(outputs: int = 2) -> control.StateSpace:
     C = [[1.0, 0.0, 0.8, 0.0], [0.0, 0.0, 1.0, 0.0]][:outputs]
     # Two rigid forces on the bending: at rest it is bent by none, as a free hub gives way.
     B = [[0.0], [20.0], [0.0], [60.0]]
-    model = sampled(A.tolist(), B, C)
+    model = sampled(A.tolist(), B, C, dt_s=dt_s)
     free = np.array(model.C)
     if outputs > 1:
         free[1] -= _static(model)[1] / _speed_gain(model) * np.array([0.0, 1.0, 0.0, 0.0])
@@ -44,7 +45,7 @@ def bending_arm(outputs: int = 2) -> control.StateSpace:
         model.B,
         free,
         0.0,
-        DT_S,
+        dt_s,
         inputs=["torque"],
         outputs=["hub", "bend"][:outputs],
     )

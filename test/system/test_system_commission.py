@@ -34,7 +34,7 @@ ENDS = {
 
 def rig_of(folder: Path) -> Path:
     """Write the twin of an arm that bends, and return its description."""
-    save_model(folder / "model.yaml", bending_arm(), name="arm", provenance=ENDS)
+    save_model(folder / "model.yaml", bending_arm(dt_s=0.008), name="arm", provenance=ENDS)
     file = folder / "rig.yaml"
     file.write_text(twin_description(folder / "model.yaml"))
     return file

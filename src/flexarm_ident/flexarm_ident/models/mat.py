@@ -81,16 +81,20 @@ def parameters_in_mat(content: bytes) -> dict[str, object]:
     header, body = content[:_HEADER_SIZE], content[_HEADER_SIZE:]
     if header.startswith(_OURS) and header != _header(body):
         raise ModelFileError("was damaged or changed after it was written: write it again")
-    return flat_parameters(_read_apart(content))
+    answer = json.loads(_read_apart(content))
+    if "error" in answer:
+        raise ModelFileError(answer["error"])
+    return flat_parameters(answer["tree"])
 
 
-def _read_apart(content: bytes) -> object:
-    """Return the nested parameters of a file, read by a process that it may kill."""
+def _read_apart(content: bytes) -> str:
+    """Return the answer of the reader, in a process that the file may kill."""
     try:
         done = subprocess.run(  # noqa: S603 - this Python and our own program
             [sys.executable, mat_reader.__file__],
             input=content,
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
             timeout=_DEADLINE_S,
             check=False,
         )
@@ -98,10 +102,7 @@ def _read_apart(content: bytes) -> object:
         raise ModelFileError(f"reading it takes longer than {_DEADLINE_S:.0f} s") from None
     if done.returncode:
         raise ModelFileError(f"no MAT-file of version 5: it ends its reader ({done.returncode})")
-    answer = json.loads(done.stdout)
-    if "error" in answer:
-        raise ModelFileError(answer["error"])
-    return answer["tree"]
+    return done.stdout.decode()
 
 
 def _header(body: bytes) -> bytes:

@@ -69,6 +69,18 @@ def _scalar(value: Any) -> object:  # noqa: ANN401 - whatever the file held
     return array.item() if array.size == 1 else None
 
 
+def answer(content: bytes) -> str:
+    """Return a JSON object: the tree of a file, or its error."""
+    try:
+        # A matrix of complex numbers is none: a list of texts tells it.
+        return json.dumps({"tree": tree(content)}, default=str)
+    except VariableError as error:
+        return json.dumps({"error": str(error)})
+    except Exception as error:  # noqa: BLE001 - a damaged file makes scipy raise almost anything
+        text = " ".join(str(error).split()) or type(error).__name__
+        return json.dumps({"error": f"no MAT-file of version 5: {text}"})
+
+
 def main() -> None:
     """Read, within bounds of this process, and answer."""
     pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
@@ -79,15 +91,7 @@ def main() -> None:
         (resource.RLIMIT_CORE, 0),
     ):
         resource.setrlimit(limit, (most, most))
-    try:
-        # A matrix of complex numbers is none: a list of texts tells it.
-        answer = json.dumps({"tree": tree(sys.stdin.buffer.read())}, default=str)
-    except VariableError as error:
-        answer = json.dumps({"error": str(error)})
-    except Exception as error:  # noqa: BLE001 - a damaged file makes scipy raise almost anything
-        text = " ".join(str(error).split()) or type(error).__name__
-        answer = json.dumps({"error": f"no MAT-file of version 5: {text}"})
-    sys.stdout.write(answer)
+    sys.stdout.write(answer(sys.stdin.buffer.read()))
 
 
 if __name__ == "__main__":

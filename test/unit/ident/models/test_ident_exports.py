@@ -16,7 +16,7 @@ from scipy.io import loadmat, savemat
 
 from flexarm_ident.models import mat
 from flexarm_ident.models.files import EXPORTS, FORMATS, load_model, parse_exports, save_model
-from flexarm_ident.models.mat_reader import tree
+from flexarm_ident.models.mat_reader import answer
 from flexarm_ident.models.model_parameters import ModelFileError, model_hash, model_parameters
 from support.ident_systems import DT_S, random_model
 
@@ -78,6 +78,12 @@ def saved(folder: Path, suffix: str) -> Path:
     return path
 
 
+@pytest.fixture
+def mat_in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read MAT-files without a process of their own, which costs half a second each."""
+    monkeypatch.setattr(mat, "_read_apart", answer)
+
+
 @pytest.mark.parametrize("suffix", READ_BACK)
 def test_load_model___saved_model___returns_every_bit(tmp_path: Path, suffix: str) -> None:
     found = load_model(saved(tmp_path, suffix))
@@ -85,13 +91,13 @@ def test_load_model___saved_model___returns_every_bit(tmp_path: Path, suffix: st
     assert_same(found, a_model())
 
 
+@pytest.mark.usefixtures("mat_in_this_process")
 @pytest.mark.parametrize("suffix", READ_BACK)
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(model=models())
 def test_load_model___any_saved_model_in_one_process___returns_every_bit(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, model: control.StateSpace
+    tmp_path: Path, suffix: str, model: control.StateSpace
 ) -> None:
-    monkeypatch.setattr(mat, "_read_apart", lambda file: json.loads(json.dumps(tree(file))))
     path = tmp_path / f"any{suffix}"
     save_model(str(path), model, name="_2dof", provenance={})
     assert_same(load_model(str(path)), model)
@@ -235,6 +241,7 @@ def edit(path: Path, field: str, *, remove: bool) -> None:
         path.write_text(json.dumps(variables), encoding="utf-8")
 
 
+@pytest.mark.usefixtures("mat_in_this_process")
 @pytest.mark.parametrize("suffix", READ_BACK)
 @pytest.mark.parametrize("field", FIELDS)
 def test_load_model___tampered_field___is_refused(tmp_path: Path, suffix: str, field: str) -> None:
@@ -244,6 +251,7 @@ def test_load_model___tampered_field___is_refused(tmp_path: Path, suffix: str, f
         load_model(path)
 
 
+@pytest.mark.usefixtures("mat_in_this_process")
 @pytest.mark.parametrize("suffix", READ_BACK)
 @pytest.mark.parametrize("field", [*FIELDS, "hash"])
 def test_load_model___missing_field___is_named(tmp_path: Path, suffix: str, field: str) -> None:
@@ -254,6 +262,7 @@ def test_load_model___missing_field___is_named(tmp_path: Path, suffix: str, fiel
         load_model(path)
 
 
+@pytest.mark.usefixtures("mat_in_this_process")
 @pytest.mark.parametrize(
     ("variable", "value", "complaint"),
     [
@@ -275,13 +284,25 @@ def test_load_model___mat_file_with_odd_variable___is_refused(
         load_model(path)
 
 
-@pytest.mark.parametrize("suffix", READ_BACK)
+@pytest.mark.parametrize("suffix", [".yaml", ".json"])
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_load_model___damaged_file___is_refused_or_unharmed(
+def test_load_model___damaged_text___is_refused_or_unharmed(
     tmp_path: Path, suffix: str, data: st.DataObject
 ) -> None:
-    path = saved(tmp_path, suffix)
+    assert_refused_or_unharmed(saved(tmp_path, suffix), data)
+
+
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_load_model___damaged_mat_file___is_refused_or_unharmed(
+    tmp_path: Path, data: st.DataObject
+) -> None:
+    assert_refused_or_unharmed(saved(tmp_path, ".mat"), data)
+
+
+def assert_refused_or_unharmed(path: Path, data: st.DataObject) -> None:
+    """Damage a file somewhere, and assert that it gives its model or one line of complaint."""
     content = bytearray(path.read_bytes())
     if data.draw(st.booleans()):
         del content[data.draw(st.integers(0, len(content) - 1)) :]
