@@ -1,6 +1,7 @@
 """Help and completions as files, from which the script `flexarm` answers without Python.
 
-Usage: `python -m flexarm_bringup.answers FOLDER`. What click prints for each verb stands
+Usage: `python -m flexarm_bringup.answers FOLDER [VERB]`, with the verb `flexarm` for the list of
+them; without one, all of the folder is made. What click prints for each verb stands
 there in `WIDTH/WORDS`, and what it completes in `SHELL/WORDS`, with the word `-` for the options of
 a verb: a line is a word, a tabulator, and what the shell is told, with `BREAK` for a line's end.
 """
@@ -46,20 +47,27 @@ def write(folder: Path, group: LazyVerbGroup) -> None:
     made = folder.with_name(f"{folder.name}.new")
     for name in (*WIDTHS, *_SHELLS):
         (made / str(name)).mkdir(parents=True, exist_ok=True)
-    root = click.Context(group, info_name=_ROOT, **group.context_settings)
-    _write_words(made, _ROOT, group.shell_complete(root, ""))
-    _write_help(made, _ROOT, root)
-    for verb in group.list_commands(root):
-        command = _loaded(group, verb)
-        for words, context in () if command is None else _contexts(command, root, verb):
-            _write_help(made, words, context)
-        if not isinstance(command, click.Group | None):
-            asked = ShellComplete(command, {}, verb, "")
-            _write_words(made, f"{verb} -", asked.get_completions([], "-"))
+    for verb in (_ROOT, *group.places):
+        write_verb(made, group, verb)
     for verb, *given in _FIXED:
         _write_words(made, " ".join((verb, *given)), completed(verb, given, "") or ())
     shutil.rmtree(folder, ignore_errors=True)
     made.rename(folder)
+
+
+def write_verb(folder: Path, group: LazyVerbGroup, verb: str) -> None:
+    """Write help and options of a verb, or the list of all, into a folder that `write` has made."""
+    root = click.Context(group, info_name=_ROOT, **group.context_settings)
+    if verb == _ROOT:
+        _write_words(folder, _ROOT, group.shell_complete(root, ""))
+        _write_help(folder, _ROOT, root)
+        return
+    command = _loaded(group, verb)
+    for words, context in () if command is None else _contexts(command, root, verb):
+        _write_help(folder, words, context)
+    if not isinstance(command, click.Group | None):
+        asked = ShellComplete(command, {}, verb, "")
+        _write_words(folder, f"{verb} -", asked.get_completions([], "-"))
 
 
 def _loaded(group: LazyVerbGroup, verb: str) -> click.Command | None:
@@ -105,4 +113,8 @@ if __name__ == "__main__":
     os.environ[CALLED] = NAME
     from flexarm_bringup.cli import main
 
-    write(Path(sys.argv[1]), main)
+    place, *verbs = sys.argv[1:]
+    for each in verbs:
+        write_verb(Path(place), main, each)
+    if not verbs:
+        write(Path(place), main)

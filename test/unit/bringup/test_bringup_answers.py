@@ -127,14 +127,17 @@ def test_words_of_no_file___are_left_to_python(install: Path, words: tuple[str, 
     assert script(install, *words, COLUMNS="80").returncode == _NO_PROGRAM
 
 
-def test_help_that_is_older_than_a_source___is_left_to_python(install: Path) -> None:
+def test_help_that_is_older_than_a_source___is_left_to_python_until_it_is_written(
+    install: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = install / ".flexarm-answers"
-    made_s = folder.stat().st_mtime
-    try:
-        os.utime(folder, (0.0, 0.0))
-        assert script(install, "up", "-h").returncode == _NO_PROGRAM
-    finally:
-        os.utime(folder, (made_s, made_s))
+    file = folder / "80" / "up"
+    before = file.read_text()
+    os.utime(file, (0.0, 0.0))
+    assert script(install, "up", "-h", COLUMNS="80").returncode == _NO_PROGRAM
+    monkeypatch.setenv("COLUMNS", "80")
+    answers.write_verb(folder, _GROUP, "up")
+    assert script(install, "up", "-h", COLUMNS="80").stdout == before
 
 
 def test_name_in_the_examples___is_how_the_script_was_called(tmp_path: Path) -> None:
