@@ -21,6 +21,7 @@ from rich.table import Table
 from scipy.optimize import NonlinearConstraint, minimize
 from scipy.signal import dlsim
 
+from bench.control.peers import peer_steps, peer_table
 from bench.tools import count_option, json_option, run_trials, write_json
 from flexarm_bringup.console import terminal
 from flexarm_control import (
@@ -109,9 +110,15 @@ def laws(tuned: PdpGains) -> dict[str, Law]:
 
 @click.command()
 @count_option("--seeds", 20)
+@click.option("--peers", is_flag=True, help="Only what others would take, beside the servo.")
 @json_option
-def main(*, seeds: int, json_file: Path | None) -> None:
+def main(*, seeds: int, peers: bool, json_file: Path | None) -> None:
     """Run the trials, print the tables, and write the figures to a file on request."""
+    if peers:
+        steps = peer_steps()
+        terminal.show_table(peer_table(steps))
+        write_json(json_file, [each._asdict() for each in steps])
+        return
     models = [nominal_model(payload_kg) for payload_kg in nominal_payloads_kg()]
     start_s = time.perf_counter()
     tuned = tune_pdp(models).gains

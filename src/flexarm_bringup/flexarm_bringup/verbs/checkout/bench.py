@@ -59,7 +59,7 @@ _BENCHES = (
     (
         "control",
         "Trials of the laws, their cost, and the tuning time",
-        ("--json out/control.json",),
+        ("--json out/control.json", "--peers"),
     ),
     (
         "shapers",
@@ -80,6 +80,11 @@ _BENCHES = (
         "robustness",
         "Tuned gains over a grid of payloads and on rigs drawn at random",
         ("--rigs 500 --spread 0.2",),
+    ),
+    (
+        "servo",
+        "design --track on arms in MuJoCo, drawn at random: steps beside those of the true model",
+        ("--arms 12", "--arms 3 --first-seed 100"),
     ),
     (
         "calibration",
