@@ -74,7 +74,7 @@ def with_friction(
 
     Where outputs are not those of slow joints and faster elastic coordinates, or one measures a
     speed, a linear model with friction at its joints is tried first (`fit_joints`), on one record
-    where a level is significant. It stays when it simulates better what was left out of its fit.
+    in which more than noise is missed. It stays when it simulates better what was left out of its fit.
 
     Else an arm is tried, and the test has three parts. The data have the channels of a flexible arm
     (`arm_layout`) and no recorded compensation. A Coulomb level exceeds its own scatter
@@ -186,7 +186,7 @@ def _with_joints(found: Identification, progress: Progress | None) -> Identifica
     That is judged by the last part of the record, which has no part in the fit that is compared.
     """
     records, coulomb = found.records, _joint_levels(found)
-    if coulomb is None or not coulomb.present:
+    if coulomb is None:
         return None
     levels = np.maximum(coulomb.levels, coulomb.deviations)
     fit = fit_joints(

@@ -153,7 +153,8 @@ class ModalSignals:
         """Yield a record in blocks; its initial state is one more input, a pulse at the start."""
         r, modes, starts_end = self.inputs, len(self.modes), self._starts
         step = self.modes**_BLOCK
-        decay = np.cumprod(np.tile(step, (_CHUNK // _BLOCK, 1)), axis=0)
+        # No longer than the record: what grows would overflow after its end.
+        decay = np.cumprod(np.tile(step, (min(_CHUNK, len(record)) // _BLOCK, 1)), axis=0)
         # Of the inputs, and of the initial state.
         start = np.zeros((r, modes), dtype=complex)
         dying = np.ones(modes, dtype=complex)

@@ -24,6 +24,7 @@ from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs
 from flexarm_ident.fitting.validation import relative_errors
 from flexarm_ident.friction.dry_friction import DryFriction, Yielding, simulate_with_friction
 from flexarm_ident.friction.layout import drive_columns
+from flexarm_ident.friction.levels import SIGNIFICANT
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.state_space import (
     INTEGRATOR_RADIUS,
@@ -210,6 +211,17 @@ class _GuidedError(ModalParameters):
         # The derivatives are those of the prediction, and so less those of the errors.
         return Normal(float(total[-1, -1]), -total[:-1, -1], total[:-1, :-1])
 
+    def deviations(self, found: Minimum) -> FloatArray:
+        """Return the standard deviations of the parameters of a minimum."""
+        root = truncated_inverse(found.matrix, smallest=1e-12, equilibrated=True).root
+        return np.asarray(np.sqrt(found.cost / self.record.y.size * np.sum(root**2, axis=1)))
+
+    def has_friction(self, found: Minimum) -> bool:
+        """Return whether a level of a minimum is significant, beyond the least one of a search."""
+        (levels, *_), _ = self.friction(found.theta)
+        (scatter, *_), _ = self.friction(self.deviations(found))
+        return bool(np.any(levels - self._least > SIGNIFICANT * scatter))
+
     @property
     def _first(self) -> int:
         return _SETTLING if self.gain.any() else 0
@@ -258,7 +270,8 @@ def fit_joints(
     Returns
     -------
     JointFit or None
-        None where the search comes to no finite simulation.
+        None where the search comes to no finite simulation, or the first prediction already does
+        without friction, with no level above three of its deviations.
     """
     leading = record.head(round(_LEADING * len(record)))
     start, x0 = _own_start(model, x0, record)
@@ -280,6 +293,8 @@ def fit_joints(
                 return None
             theta = found.theta
             if not number:
+                if not problem.has_friction(found):
+                    return None
                 problem.weight = 1.0 / problem.errors(theta)[_SETTLING:].std(axis=0)
             if progress is not None:
                 progress("friction", (number + 1) / (len(_STEPS) + 1))
@@ -347,9 +362,7 @@ def _result(
         inputs=record.inputs,
         outputs=record.outputs,
     )
-    scale = found.cost / record.y.size
-    root = truncated_inverse(found.matrix, smallest=1e-12, equilibrated=True).root
-    own, _ = problem.friction(np.sqrt(scale * np.sum(root**2, axis=1)))
+    own, _ = problem.friction(problem.deviations(found))
     friction = DryFriction(
         law[0],
         law[3],

@@ -1,8 +1,9 @@
 """Roles of the channels of a flexible arm: driven positions and their inputs.
 
 They follow from the signals, not from names. A driven position holds its place, so it moves slowly
-for its amplitude, while elastic coordinates swing back. The drive works against friction, so its
-input is correlated with the speed of its own position.
+for its amplitude, while elastic coordinates swing back. Each input accelerates its own position: what
+inputs and positions of the same joints have in common is an inverse of masses, which is positive
+definite, so that its diagonal has the largest product of all assignments.
 """
 
 from __future__ import annotations
@@ -74,8 +75,9 @@ def arm_layout(records: Sequence[IoData]) -> ArmLayout | None:
     """Assign a position to each input, or return None for data unlike a flexible arm.
 
     There must be as many positions as inputs and at least one output more. The slowest outputs, by
-    RMS speed over RMS deviation, must move at most half as fast as any other. Inputs and positions
-    are paired by the best correlation of input and speed, at least 0.1 for each pair.
+    RMS speed over RMS deviation, must move at most half as fast as any other. Inputs are paired with
+    the positions that they accelerate; an input does work on its position, so that it is correlated
+    with the speed, by 0.1 at least.
 
     Parameters
     ----------
@@ -104,7 +106,7 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
     if outputs <= count:
         return None
     parts = [_smoothed_motion(record) for record in records]
-    u, y, speed = (np.concatenate(signals) for signals in zip(*parts, strict=True))
+    u, y, speed, acceleration = map(np.concatenate, zip(*parts, strict=True))
     size, pace = y.std(axis=0), np.sqrt(np.mean(speed**2, axis=0))
     if np.any(size == 0.0) or np.any(u.std(axis=0) == 0.0):
         return None
@@ -113,7 +115,9 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
     positions = np.sort(by_pace[:count])
     apart = bool(np.max((pace / size)[positions]) <= _SLOW * slowest_other)
     work = np.abs(_correlation(u, speed[:, positions]))
-    inputs, own = scipy.optimize.linear_sum_assignment(-work)
+    answer = np.abs(np.linalg.lstsq(u, acceleration[:, positions], rcond=None)[0])
+    cost = -np.log(np.maximum(answer / answer.max(), np.finfo(float).tiny))
+    inputs, own = scipy.optimize.linear_sum_assignment(cost)
     apart = apart and bool(np.min(work[inputs, own]) >= _WORK)
     drives = tuple(
         Drive(first.inputs[i], first.outputs[positions[j]])
@@ -147,12 +151,13 @@ def drive_columns(record: IoData, drive: Drive) -> tuple[int, int]:
     return record.inputs.index(drive.input), record.outputs.index(drive.output)
 
 
-def _smoothed_motion(record: IoData) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return inputs, outputs and the outputs' speeds."""
+def _smoothed_motion(record: IoData) -> tuple[FloatArray, ...]:
+    """Return inputs, outputs, and the outputs' speeds and accelerations."""
     cutoff_hz = SMOOTHING * bandwidth_hz([record])
     y = smoothed(record.y, cutoff_hz, record.dt_s)
     speed = np.asarray(np.gradient(y, record.dt_s, axis=0))
-    return smoothed(record.u, cutoff_hz, record.dt_s), y - y.mean(axis=0), speed
+    u = smoothed(record.u, cutoff_hz, record.dt_s)
+    return u - u.mean(axis=0), y - y.mean(axis=0), speed, np.gradient(speed, record.dt_s, axis=0)
 
 
 def _correlation(left: FloatArray, right: FloatArray) -> FloatArray:

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 _SLIPPING = 0.05
 _RESAMPLES = 200
 _FEWEST_BLOCKS, _MOST_BLOCKS = 10, 1000
-_SIGNIFICANT = 3.0
+SIGNIFICANT = 3.0
+"""Level in units of its standard deviation above which there is friction."""
 _RELEVANT = 0.05
 
 
@@ -119,7 +120,7 @@ def estimate_coulomb(
         offsets.append(solution[1])
         deviations.append(scatter)
         samples.append(len(effort))
-        floor = max(_SIGNIFICANT * scatter, _RELEVANT * float(np.sqrt(np.mean(effort**2))))
+        floor = max(SIGNIFICANT * scatter, _RELEVANT * float(np.sqrt(np.mean(effort**2))))
         significant.append(bool(solution[0] > floor))
     return CoulombEstimate(
         tuple(drives),

@@ -53,10 +53,10 @@ def _arm(level: float, rest: float = 0.8) -> tuple[control.StateSpace, DryFricti
     return model, DryFriction(np.array([level]), NONE, NONE, NONE, speed, yielding=yielding)
 
 
-def _record(samples: int) -> IoData:
+def _record(samples: int, level: float = LEVEL) -> IoData:
     """Return a closed loop around random set-points, with dither and noise of the sensors."""
     rng = np.random.default_rng(3)
-    model, friction = _arm(LEVEL)
+    model, friction = _arm(level)
     x, goal, u = np.zeros(4), 0.0, np.empty((samples, 1))
     for k in range(samples):
         if k % 300 == 0:
@@ -141,6 +141,44 @@ def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -
     deviation = fit.friction.level_deviations[0]
     assert abs(fit.friction.levels[0] - LEVEL) < 2.0 * deviation < 0.1 * LEVEL
     assert np.all(fit.error < 3.0 * 0.0015)
+
+
+def test_arm_without_friction___fit___ends_with_the_first_prediction() -> None:
+    record = _record(4000, level=0.0)
+    start = identify(record, friction=False, method="pbsid", order=4)
+    told: list[float] = []
+
+    fit = fit_joints(
+        *(start.model, start.x0[0], record, (Drive("torque", "encoder"),), np.array([LEVEL])),
+        progress=lambda _stage, part: told.append(part),
+    )
+
+    assert fit is None
+    assert not told
+
+
+def test_coupled_joints___layout___pairs_each_motor_with_the_joint_that_it_accelerates() -> None:
+    rng = np.random.default_rng(5)
+    # The first motor moves the second joint faster than its own one.
+    mass = np.array([[0.5, 0.2], [0.2, 0.1]])
+    inverse = np.linalg.inv(mass)
+    samples, q, v, goal = 8000, np.zeros(2), np.zeros(2), np.zeros(2)
+    u, y = np.empty((samples, 2)), np.empty((samples, 3))
+    bend = np.zeros(2)
+    for k in range(samples):
+        if k % 400 == 0:
+            goal = rng.uniform(-0.5, 0.5, 2)
+        y[k] = [*q, bend[0]]
+        u[k] = [3.0, 0.3] * (goal - q) - [1.5, 0.1] * v + [0.3, 0.03] * rng.standard_normal(2)
+        bend += DT_S * np.array([bend[1], u[k, 0] - 3000.0 * bend[0] - 3.0 * bend[1]])
+        v = v + DT_S * inverse @ u[k]
+        q = q + DT_S * v
+    data = IoData(u, y, dt_s=DT_S, inputs=("u1", "u2"), outputs=("q1", "q2", "bend"))
+
+    found = joints([data])
+
+    assert abs(inverse[1, 0]) > inverse[0, 0]
+    assert found == (Drive("u1", "q1"), Drive("u2", "q2"))
 
 
 def test_joints___hub_that_turns_freely___is_the_joint_of_its_torque() -> None:
