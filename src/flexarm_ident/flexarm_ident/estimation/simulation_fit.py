@@ -74,7 +74,8 @@ def with_friction(
 
     Where outputs are not those of slow joints and faster elastic coordinates, or one measures a
     speed, a linear model with friction at its joints is tried first (`fit_joints`), on one record
-    in which more than noise is missed. It stays when it simulates better what was left out of its fit.
+    in which more than noise is missed. It stays when it simulates better what was left out of its
+    fit.
 
     Else an arm is tried, and the test has three parts. The data have the channels of a flexible arm
     (`arm_layout`) and no recorded compensation. A Coulomb level exceeds its own scatter

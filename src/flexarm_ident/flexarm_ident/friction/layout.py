@@ -1,9 +1,9 @@
 """Roles of the channels of a flexible arm: driven positions and their inputs.
 
 They follow from the signals, not from names. A driven position holds its place, so it moves slowly
-for its amplitude, while elastic coordinates swing back. Each input accelerates its own position: what
-inputs and positions of the same joints have in common is an inverse of masses, which is positive
-definite, so that its diagonal has the largest product of all assignments.
+for its amplitude, while elastic coordinates swing back. Each input accelerates its own position.
+The inverse of joint masses is positive definite: among all assignments of inputs to positions, the
+right one has the largest product of accelerations.
 """
 
 from __future__ import annotations
@@ -75,9 +75,9 @@ def arm_layout(records: Sequence[IoData]) -> ArmLayout | None:
     """Assign a position to each input, or return None for data unlike a flexible arm.
 
     There must be as many positions as inputs and at least one output more. The slowest outputs, by
-    RMS speed over RMS deviation, must move at most half as fast as any other. Inputs are paired with
-    the positions that they accelerate; an input does work on its position, so that it is correlated
-    with the speed, by 0.1 at least.
+    RMS speed over RMS deviation, must move at most half as fast as any other. Inputs are paired
+    with the positions that they accelerate; an input does work on its position, so that it is
+    correlated with the speed, by 0.1 at least.
 
     Parameters
     ----------
@@ -115,7 +115,11 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
     positions = np.sort(by_pace[:count])
     apart = bool(np.max((pace / size)[positions]) <= _SLOW * slowest_other)
     work = np.abs(_correlation(u, speed[:, positions]))
-    answer = np.abs(np.linalg.lstsq(u, acceleration[:, positions], rcond=None)[0])
+    # Beside what links and dampers do to the positions.
+    causes = np.hstack([u, y[:, by_pace[count:]], speed[:, positions]])
+    scale = causes.std(axis=0)
+    answer = np.linalg.lstsq(causes / scale, acceleration[:, positions], rcond=None)[0][:count]
+    answer = np.abs(answer)
     cost = -np.log(np.maximum(answer / answer.max(), np.finfo(float).tiny))
     inputs, own = scipy.optimize.linear_sum_assignment(cost)
     apart = apart and bool(np.min(work[inputs, own]) >= _WORK)

@@ -52,6 +52,16 @@ def test_fit_stable___stable_matrix_or_no_way___stays() -> None:
         np.testing.assert_array_equal(found.A, A)
 
 
+@pytest.mark.filterwarnings("error")
+def test_fit_stable___growth_within_a_short_record___does_not_overflow_after_its_end() -> None:
+    A = np.diag([1.5, 0.9])
+    C, data = record(A, samples=200)
+
+    found = fit_stable(A, C, [data], (), feedthrough=False, noise_weighted=False)
+
+    assert found.fit.error.max() < 1e-6
+
+
 @pytest.mark.parametrize("feedthrough", [False, True])
 def test_fit_each___ways_of_one_matrix___are_fitted_as_each_alone(*, feedthrough: bool) -> None:
     rng = np.random.default_rng(5)

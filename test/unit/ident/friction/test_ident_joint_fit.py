@@ -169,7 +169,8 @@ def test_coupled_joints___layout___pairs_each_motor_with_the_joint_that_it_accel
         if k % 400 == 0:
             goal = rng.uniform(-0.5, 0.5, 2)
         y[k] = [*q, bend[0]]
-        u[k] = [3.0, 0.3] * (goal - q) - [1.5, 0.1] * v + [0.3, 0.03] * rng.standard_normal(2)
+        dither = np.array([0.3, 0.03]) * rng.standard_normal(2)
+        u[k] = np.array([3.0, 0.3]) * (goal - q) - np.array([1.5, 0.1]) * v + dither
         bend += DT_S * np.array([bend[1], u[k, 0] - 3000.0 * bend[0] - 3.0 * bend[1]])
         v = v + DT_S * inverse @ u[k]
         q = q + DT_S * v
