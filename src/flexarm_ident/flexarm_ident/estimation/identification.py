@@ -144,7 +144,7 @@ class Identification:
         figures = zip(self.model.output_labels, self.fit_error, strict=True)
         errors = ", ".join(f"{label_and_unit(name)[0]} {error:.3f}" for name, error in figures)
         title = f"Order {self.order} by {self.method}. Relative errors: {errors}."
-        return mode_table(title, self.modes, self.model.dt, self.mode_uncertainty)
+        return mode_table(title, self.modes, self.model.dt, self.known_deviations)
 
     def plot_response(self, axes: Axes | None = None) -> Axes:
         """Plot the gain (2-4) of every output with a band of two standard deviations.
@@ -214,6 +214,15 @@ class Identification:
             return self.likelihood.modes
         found = self._jackknife
         return mode_uncertainty(found, self.model) if found else ()
+
+    @property
+    def known_deviations(self) -> tuple[ModeUncertainty, ...]:
+        """`mode_uncertainty` where the errors are noise, else empty.
+
+        The bias of friction, of a closed loop or of what the model lacks is larger than the scatter
+        there, and no part of the data shows it.
+        """
+        return self.mode_uncertainty if self.likelihood is not None else ()
 
     def response_uncertainty(self, frequencies_hz: FloatArray) -> ResponseUncertainty | None:
         """Return the frequency response (2-4) with its standard deviation.

@@ -49,13 +49,9 @@ class Results:
 
     @property
     def frequency_std_hz(self) -> tuple[float, ...]:
-        """Standard deviations of the modes' frequencies, where the errors are noise.
-
-        Elsewhere it is empty: the bias of friction or of a closed loop is larger.
-        """
-        found = self.outcome.identification
-        is_noise = found.likelihood is not None
-        return tuple(each.frequency_std_hz for each in found.mode_uncertainty if is_noise)
+        """Standard deviations of the modes' frequencies, where the errors are noise."""
+        known = self.outcome.identification.known_deviations
+        return tuple(each.frequency_std_hz for each in known)
 
     @property
     def sfv(self) -> tuple[float, ...]:

@@ -155,14 +155,11 @@ def test_render_report___outcome___lists_every_mode(outcome: Outcome, text: str)
     for mode, (marked, label, cells) in zip(outcome.modes, rows, strict=True):
         frequency, damping, msv, mrm, kept = re.findall("<td>(.*?)</td>", cells)
         assert label == mode.label
-        shown_hz, _, deviation_hz = frequency.partition(" \u00b1 ")
-        assert bool(deviation_hz) == bool(mode.frequency_hz)
-        shown, _, deviation = damping.partition(" \u00b1 ")
+        # Nothing says that the errors are noise, so that a scatter would not be all of the error.
+        assert "\u00b1" not in frequency + damping
         if mode.frequency_hz:
-            assert float(deviation_hz) > 0.0 < float(deviation)
-            decimals = len(deviation_hz.partition(".")[2])
-            assert shown_hz == f"{mode.frequency_hz:.{decimals}f}"
-        assert float(shown) == pytest.approx(mode.damping_ratio, abs=float(deviation or 1e-12))
+            assert float(frequency) == pytest.approx(mode.frequency_hz, abs=1e-3)
+        assert float(damping) == pytest.approx(mode.damping_ratio, abs=1e-3)
         assert msv.endswith(f" ({mode.msv_rank})")
         assert mrm.endswith(f" ({mode.mrm_rank})")
         assert (kept == "yes") == bool(marked) == mode.kept

@@ -68,11 +68,6 @@ def deviation_words(outcome: Outcome) -> str:
     found = outcome.identification
     if found.likelihood is not None:
         return "± is the standard deviation, from the curvature of the likelihood."
-    if found.mode_uncertainty:
-        return (
-            "± is the standard deviation, from leaving out one tenth of the data at a time. It is "
-            "the scatter of the noise alone: a bias, such as that of dry friction, comes on top."
-        )
     if found.friction is not None:
         return (
             "There is no standard deviation: an arm with dry friction is fitted by simulation, "
@@ -80,4 +75,7 @@ def deviation_words(outcome: Outcome) -> str:
         )
     if found.samples != tuple(len(record) for record in found.records):
         return "There is no standard deviation: the data were fitted in pieces."
-    return "There is no standard deviation: the data are too short to leave out parts of them."
+    return (
+        "There is no standard deviation: what the model misses did not pass for noise, so that a "
+        "bias, such as that of dry friction, may be larger than any scatter."
+    )

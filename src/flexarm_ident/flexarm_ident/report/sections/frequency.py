@@ -72,6 +72,6 @@ def _band_words(outcome: Outcome, known: bool) -> str:  # noqa: FBT001 - the one
     if known:
         return (
             "The band is two standard deviations to both sides of the full model's gain, from "
-            "leaving out one tenth of the data at a time."
+            "leaving out one tenth of the data at a time. A bias, as of dry friction, is not in it."
         )
     return f"There is no band. {deviation_words(outcome)}"

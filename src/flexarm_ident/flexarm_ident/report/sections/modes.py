@@ -36,7 +36,7 @@ SECTION = Section(30, "Modes", _build)
 def _modes(outcome: Outcome) -> Table:
     """Return the modes of the full model, as Tables 3-1a to 3-3a."""
     header = ("States", "Frequency, Hz", "Damping", "MSV (rank)", "MRM (rank)", "Kept")
-    deviations = outcome.identification.mode_uncertainty or [None] * len(outcome.modes)
+    deviations = outcome.identification.known_deviations or [None] * len(outcome.modes)
     rows = tuple(
         (
             mode.label,

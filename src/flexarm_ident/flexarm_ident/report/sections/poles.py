@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def _build(subject: Subject) -> Iterator[Block]:
     outcome = subject.outcome
-    damping = damping_plot(outcome.modes, outcome.identification.mode_uncertainty)
+    damping = damping_plot(outcome.modes, outcome.identification.known_deviations)
     yield Plots(
         (
             ("z plane with the unit circle", pole_plot(outcome.modes, outcome.model.dt)),
