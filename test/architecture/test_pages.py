@@ -101,6 +101,21 @@ def leads_to(file: Path, anchor: str) -> bool:
     return anchor in {re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings}
 
 
+def prose(page: Path) -> list[str]:
+    """Return the lines of a page without commands and output, tables, pictures and headings."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    return [
+        line for line in text.splitlines() if not line.startswith(("    ", "|", "![", "<", "#"))
+    ]
+
+
+@pytest.mark.parametrize(
+    "page", [each for each in PAGES if each.name != "CHANGELOG.md"], ids=lambda page: page.stem
+)
+def test_lines_of_prose___have_at_most_120_characters(page: Path) -> None:
+    assert [line for line in prose(page) if len(line) > 120] == []
+
+
 def test_readme___is_short() -> None:
     assert len((PROJECT / "README.md").read_text("utf-8").splitlines()) <= 120
 
