@@ -192,8 +192,9 @@ def _run(
 class _ModelRig:
     """Linear model of the arm, at rest when it is opened."""
 
-    def __init__(self, model: control.StateSpace) -> None:
+    def __init__(self, model: control.StateSpace, disturbance_v: float) -> None:
         self._dt_s = float(model.dt)
+        self._disturbance_v = disturbance_v
         self._a, self._c = np.asarray(model.A), np.asarray(model.C)
         self._b = np.asarray(model.B)[:, 0]
 
@@ -206,10 +207,12 @@ class _ModelRig:
 
     def write(self, commands: Sequence[float]) -> None:
         self._samples += 1
-        self._state = self._a @ self._state + self._b * commands[0]
+        self._state = self._a @ self._state + self._b * (commands[0] + self._disturbance_v)
 
 
-def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) -> LoopRun:
+def simulate_loop(
+    model: control.StateSpace, law: Law, reference_v: FloatArray, *, disturbance_v: float = 0.0
+) -> LoopRun:
     """Run a law on a model from rest, sample by sample.
 
     The input of the model is the feedback effort alone. The models of the thesis have no friction
@@ -223,6 +226,8 @@ def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) 
         Law; it is reset first.
     reference_v : ndarray, (samples,)
         Reference at every sample, V.
+    disturbance_v : float
+        Constant added to the command, V: d of Figure 4-14.
 
     Returns
     -------
@@ -240,4 +245,4 @@ def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) 
     def acting(answer: Effort) -> DriveCommand:
         return DriveCommand(answer.effort_v, 0.0)
 
-    return _run(_ModelRig(model), law, reference_v, acting)
+    return _run(_ModelRig(model, disturbance_v), law, reference_v, acting)

@@ -127,3 +127,13 @@ def test_pi_step_response___step___is_the_stepped_loop() -> None:
     run = simulate_loop(model, _Pi(0.4, 0.1), np.ones(900))
 
     assert np.allclose(pi_step_response(model, PiGains(0.4, 0.1), 900), run.y, atol=1e-9)
+
+
+def test_disturbance___is_answered_as_the_closed_loop_answers_it() -> None:
+    model = nominal_model(0.2)
+
+    run = simulate_loop(model, Pdp(GAINS), np.zeros(600), disturbance_v=0.3)
+
+    closed = _closed_by_control(model, GAINS)
+    _, expected = control.forced_response(closed, U=np.full(600, 0.3 / GAINS.kp))
+    np.testing.assert_allclose(run.y, expected.T, atol=1e-9)

@@ -44,12 +44,14 @@ class RegulatorWeights(Bounded):
     """Weights of the design of a regulator: Q and R of (4-9).
 
     The thesis weighs the states of its own realisation, which is not printed. Here the outputs are
-    weighed, which any realisation has. The defaults were found by trial on the simulated rig.
+    weighed, which any realisation has, and the states of the model as it is given if asked for:
+    Q = C^T diag(outputs) C + states I. The defaults were found by trial on the simulated rig.
     """
 
     position: float = setting(1.0, 1e-3, 1e3, "1/V^2", "weight of the position")
     strain: float = setting(0.3, 0.0, 1e3, "1/V^2", "weight of the gauges")
     speed: float = setting(20.0, 0.0, 1e3, "1/V^2", "weight of the speed")
+    states: float = setting(0.0, 0.0, 1e3, "", "weight of every state of the model")
     effort: float = setting(0.6, 1e-3, 1e3, "1/V^2", "weight of the effort")
 
 
@@ -171,7 +173,8 @@ def design_regulator(
     a, b, c = model.A, model.B, model.C
     per_output = (weights.position, weights.strain, weights.strain, weights.speed)
     weighted = np.sqrt(per_output)[:, None] * c
-    kc = quadratic_gain(a, b, weighted.T @ weighted, np.array([[weights.effort]]))
+    q = weighted.T @ weighted + weights.states * np.eye(len(a))
+    kc = quadratic_gain(a, b, q, np.array([[weights.effort]]))
     steady = c[[POSITION]] @ np.linalg.solve(np.eye(len(a)) - a + b @ kc, b)
     return kc.ravel(), float(rounded(1.0 / steady[0, 0]))
 

@@ -132,6 +132,7 @@ def _simulated(values: Mapping[str, Any]) -> SimulatedRig:
     return SimulatedRig(
         RigParameters(
             payload_kg=values["payload_kg"],
+            disturbance_v=values["disturbance_v"],
             noise_v=NOISE_V[values["noise"]],
             loop_delay_s=delay_s,
         ),

@@ -64,6 +64,8 @@ class RigParameters:
     motor_gain_nm_per_v : float
         Torque at the arm's axis per volt of command. The rigid gains of Appendix B times the
         inertia give 0.55 at 0 g.
+    disturbance_v : float
+        Constant added to the drive's command, of either sign: d of Figure 4-14.
     coulomb_friction_nm : float
         Coulomb friction level, 0.64 V of command. With `breakaway_ratio` it is the 0.4 A of section
         2.4.3 less the margin that the 0.7 V of equation (4-8) needs.
@@ -119,6 +121,7 @@ class RigParameters:
     payload_kg: float = 0.0
     tip_inertia_kg_m2: float = 0.0
     motor_gain_nm_per_v: float = 0.55
+    disturbance_v: float = 0.0
     coulomb_friction_nm: float = 0.64 * 0.55
     breakaway_ratio: float = 1.1
     stribeck_speed_rad_per_s: float = 0.02
@@ -181,6 +184,8 @@ class RigParameters:
 def _check_scalar(name: str, value: float) -> None:
     if not math.isfinite(value):
         raise SettingError(f"{name} must be finite, got {value}")
+    if name == "disturbance_v":
+        return
     if name in _MAY_BE_ZERO:
         if value < 0.0:
             raise SettingError(f"{name} must not be negative, got {value}")

@@ -183,7 +183,8 @@ class SimulatedRig:
         if now_s > self._time_s:
             gap_s = now_s - self._time_s
             self._plant.advance(
-                self._command_v, gap_s if self.clock is None else min(gap_s, MAX_CATCH_UP_S)
+                self._command_v + self.parameters.disturbance_v,
+                gap_s if self.clock is None else min(gap_s, MAX_CATCH_UP_S),
             )
             self._time_s = now_s
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import control
@@ -26,11 +27,12 @@ RATE_HZ = 300.0
 WEIGHTS = IlqrWeights(position=2.0, strain=0.1, speed=0.5, effort=3.0, ki=0.001)
 
 
-def test_regulator___is_the_solution_of_the_riccati_equation() -> None:
+@pytest.mark.parametrize("states", [0.0, 0.02])
+def test_regulator___is_the_solution_of_the_riccati_equation(states: float) -> None:
     model = identified_model()
-    design = design_ilqr(model, WEIGHTS)
+    design = design_ilqr(model, replace(WEIGHTS, states=states))
     a, b, c = model.A, model.B, model.C
-    q = c.T @ np.diag([2.0, 0.1, 0.1, 0.5]) @ c
+    q = c.T @ np.diag([2.0, 0.1, 0.1, 0.5]) @ c + states * np.eye(model.nstates)
 
     p = solve_discrete_are(a, b, q, np.array([[3.0]]))
 

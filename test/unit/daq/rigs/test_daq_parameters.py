@@ -12,7 +12,7 @@ from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, RigParameters
 SCALARS = [
     field.name
     for field in fields(RigParameters)
-    if field.name not in {"noise_v", "hum_v", "adc_bits", "dac_bits"}
+    if field.name not in {"noise_v", "hum_v", "adc_bits", "dac_bits", "disturbance_v"}
 ]
 
 
@@ -36,6 +36,7 @@ def test_scalar___not_a_magnitude___is_refused_by_name(name: str, value: float) 
     ("name", "value"),
     [
         ("length_m", 0.0),
+        ("disturbance_v", math.nan),
         ("motor_inertia_kg_m2", 0.0),
         ("breakaway_ratio", 0.99),
         ("tacho_damping_ratio", 1.0),

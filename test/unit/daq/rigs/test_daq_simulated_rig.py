@@ -290,3 +290,17 @@ def test_payload___impossible___is_refused() -> None:
     with pytest.raises(SettingError, match="payload_kg must not be negative"):
         rig.change_payload(-0.1)
     assert rig.parameters.payload_kg == 0.0
+
+
+def test_disturbance___is_a_command_that_nobody_sent() -> None:
+    at_once = replace(SILENT, loop_delay_s=0.0)
+    disturbed = opened(parameters=replace(at_once, disturbance_v=-1.25))
+    driven = opened(parameters=at_once)
+    driven.write([-1.25])
+
+    for _ in range(100):
+        first, second = disturbed.read(), driven.read()
+        np.testing.assert_allclose(first.outputs, second.outputs, atol=1e-8)
+        disturbed.write([0.0])
+        driven.write([-1.25])
+    assert first.outputs[0] < -0.01
