@@ -74,6 +74,7 @@ KNOWN = {
     "$Band.octaves": False,
     "$excitations": list(EXCITATIONS),
     "$faults": ["none", *(fault.value for fault in Fault)],
+    "$first_channel": "position_v",
     "$channels": ["position_v", "base_strain_v", "middle_strain_v", "speed_v"],
     "$noises": ["low", "thesis", "none"],
     "$terminals": ["rse", "nrse", "diff", "default"],

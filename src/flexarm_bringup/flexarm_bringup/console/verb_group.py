@@ -6,6 +6,7 @@ import ast
 import os
 import signal
 import sys
+import warnings
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
@@ -48,6 +49,8 @@ class VerbGroup(click.Group):
             with interruptible(*() if ignored else (signal.SIGINT,)):
                 return super().invoke(ctx)
         except KeyboardInterrupt:
+            # Callbacks that rclpy's executor had begun end with the program.
+            warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
             click.echo("flexarm: interrupted", err=True)
             sys.exit(130)
         except ModuleNotFoundError as error:
