@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from sphinx.domains.python import PythonDomain
 from sphinx.pycode.parser import Parser
 
 if TYPE_CHECKING:
@@ -35,6 +37,8 @@ autodoc_typehints_format = "short"
 autodoc_use_type_comments = False
 # Nor does anything here ask for the lines of a definition, which are a seventh of the whole time.
 Parser.parse_definition = lambda _: None
+# A type of another module is looked for among all names, and each page has the same ones.
+PythonDomain.find_obj = cache(PythonDomain.find_obj)
 add_module_names = False
 napoleon_google_docstring = False
 # Words such as "inputs" would be linked to whatever has that name.
