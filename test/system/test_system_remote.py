@@ -117,6 +117,14 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
     graph.wait(lambda: states[-1].command_v == 0.0, "the drive at zero")
     later = f"; once active again, an active controller drives the arm {motion}, at once"
     assert flexarm("deactivate", "daq") == (0, f"daq is inactive{later}")
-    code, said = flexarm("reference", "7")
+    for set_point, reason in (
+        ("7", "7 V is not in the range -6.85714 to 6.85714 V."),
+        ("200deg", "200 deg is not in the range -80 to 80 deg."),
+    ):
+        code, said = flexarm("reference", set_point)
+        assert code == 2
+        assert said.endswith(reason)
+    code, said = flexarm("reference", "far")
     assert code == 2
-    assert said.endswith("7 V is not in the range -6.85714 to 6.85714 V.")
+    assert "'far' is no number" in said
+    assert all(unit in said for unit in ("V", "mV", "deg", "rad"))
