@@ -19,7 +19,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.specs import ParameterSpec
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
 _TYPES = {"bool": bool, "int": int, "double": float, "string": str, "string_array": list}
 _KEYS = {"type", "default_value", "description", "read_only", "validation", "unit", "live"}
@@ -56,33 +56,6 @@ def read_table(
     """
     content: Any = yaml_content(files(package).joinpath(f"{node}.yaml").read_text("utf-8"))
     return tuple(_specs(content[node], "", known))
-
-
-def as_markdown(specs: Sequence[ParameterSpec]) -> str:
-    """Return a table of parameters for a page: name, type, default, range, changes and meaning."""
-    head = ["| parameter | type | default | range | a change acts | meaning |", f"|{' --- |' * 6}"]
-    return "\n".join([*head, *map(_row, specs)])
-
-
-def _row(spec: ParameterSpec) -> str:
-    has_range = spec.minimum is not None or spec.maximum is not None
-    allowed = spec.range_text if has_range else ", ".join(f"`{each}`" for each in spec.choices)
-    name, acts = f"`{spec.name}`", spec.change_acts
-    return f"| {' | '.join((name, _type(spec), _shown(spec), allowed, acts, spec.description))} |"
-
-
-def _type(spec: ParameterSpec) -> str:
-    return next(name for name, kind in _TYPES.items() if type(spec.default) is kind)
-
-
-def _shown(spec: ParameterSpec) -> str:
-    if isinstance(spec.default, bool):
-        return str(spec.default).lower()
-    if isinstance(spec.default, list):
-        return ", ".join(map(str, spec.default))
-    if isinstance(spec.default, float):
-        return f"{spec.default:g}"
-    return str(spec.default)
 
 
 def _specs(

@@ -10,7 +10,7 @@ import pytest
 
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import ParameterSpec
-from flexarm_core.tables import as_markdown, defaults, read_table
+from flexarm_core.tables import defaults, read_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -91,15 +91,6 @@ def test_table___what_has_no_meaning___is_refused(package: Path, row: str, compl
     (package / "wrong.yaml").write_text(f"wrong:\n  x: {row}\n", "utf-8")
     with pytest.raises(SettingError, match=complaint):
         read_table("arm_tables", "wrong")
-
-
-def test_page___of_a_table___tells_every_parameter_in_a_row() -> None:
-    assert as_markdown([RATE, DEVICE, INPUTS, GAINS[0]]).splitlines()[2:] == [
-        "| `rate_hz` | double | 300 | 10 to 2000 Hz | in the next run | sampling rate |",
-        "| `board.device` | string | Dev1 |  | at the start only | name of the board |",
-        "| `board.inputs` | string_array | ai0 | `ai0`, `ai1` | in the next run | wired inputs |",
-        "| `pd.gain` | int | 1 |  | at once | gain |",
-    ]
 
 
 def test_complaint___list_with_a_member_that_is_no_choice___names_it() -> None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flexarm_control.servo.regulator import Regulator
     from flexarm_control.servo.robustness import Choice
     from flexarm_control.servo.twin import Run, StepResult
-    from flexarm_core.arrays import FloatArray, Progress
+    from flexarm_core.arrays import FloatArray
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.records.iodata import IoData
 
@@ -186,12 +186,7 @@ class ServoDesign:
         return [step_results(servo, run, self.steps) for run in self.others]
 
 
-def design_servo(
-    sources: Sequence[Source],
-    request: ServoRequest,
-    *,
-    progress: Progress = lambda _stage, _fraction: None,
-) -> ServoDesign:
+def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesign:
     """Design a servo, and step it on twins.
 
     Parameters
@@ -200,8 +195,6 @@ def design_servo(
         Models of one rig, such as with several payloads; the first one is designed for.
     request : ServoRequest
         What it is to do.
-    progress : callable
-        Called with the stage and the part of it that is done.
 
     Raises
     ------
@@ -213,12 +206,10 @@ def design_servo(
     _require_alike(sources)
     tracked = tracked_outputs(first.model, request.track)
     limits, notes = _limits(sources, request)
-    progress("rigid motion", 0.0)
     moved = [with_rigid_motion(source, tracked) for source in sources]
     sources = [source for source, _ in moved]
     first, notes = sources[0], (*notes, *(note for _, each in moved for note in each))
     plants = {each.name: loop_plant(each.model, request.delay_s) for each in sources}
-    progress("design", 0.0)
     if request.bandwidth_hz is None:
         choice = choose_bandwidth(plants, tracked, robustness=request.robustness, limits=limits)
     else:
@@ -230,14 +221,13 @@ def design_servo(
     slowest = np.max(np.abs(steps) / gains.slopes, initial=0.0) / gains.rate_hz
     seconds = _PERIODS / gains.bandwidth_hz + slowest
     twin = first.twin(request.delay_s)
-    progress("twins", 0.0)
     run = step_run(servo, twin, steps, seconds, seed=0)
-    others = []
-    for seed in range(1, TWINS + 1):
-        others.append(step_run(servo, perturbed(twin, seed, SPREAD), steps, seconds, seed=seed))
-        progress("twins", seed / TWINS)
+    others = tuple(
+        step_run(servo, perturbed(twin, seed, SPREAD), steps, seconds, seed=seed)
+        for seed in range(1, TWINS + 1)
+    )
     results = step_results(servo, run, steps)
-    return ServoDesign(gains, choice, plants, twin, steps, run, results, tuple(others), notes)
+    return ServoDesign(gains, choice, plants, twin, steps, run, results, others, notes)
 
 
 def _require_alike(sources: Sequence[Source]) -> None:

@@ -88,9 +88,7 @@ class Choice:
         return sorted(each.disk for each in self.margins.values())
 
 
-def variations(
-    name: str, plant: control.StateSpace, spread: float = SPREAD
-) -> dict[str, control.StateSpace]:
+def variations(name: str, plant: control.StateSpace) -> dict[str, control.StateSpace]:
     """Return a plant and variations of its vibrations, by name.
 
     All frequencies are higher or lower, and the slowest one alone.
@@ -102,9 +100,9 @@ def variations(
     slowest = min(modes, key=lambda value: abs(np.log(value)))
     for which, words in ((modes, "all vibrations"), ([slowest], "the slowest vibration")):
         for sign, said in ((1.0, "+"), (-1.0, "-")):
-            factors = dict.fromkeys(which, 1.0 + sign * spread + 0.0j)
+            factors = dict.fromkeys(which, 1.0 + sign * SPREAD + 0.0j)
             changed = with_modes(plant, factors)
-            found[f"{name}, {words} {said}{100.0 * spread:.0f} %"] = changed
+            found[f"{name}, {words} {said}{100.0 * SPREAD:.0f} %"] = changed
     return found
 
 

@@ -115,7 +115,6 @@ def fit_arm(
     data: IoData | Sequence[IoData],
     drives: Sequence[Drive],
     *,
-    seed: int = 0,
     error_to_beat: FloatArray | None = None,
     progress: Progress | None = None,
 ) -> ArmFit:
@@ -129,8 +128,6 @@ def fit_arm(
         Records as measured, without compensation in the input.
     drives : sequence of Drive
         The position that each input drives, one per input.
-    seed : int
-        Seed of the starts.
     error_to_beat : ndarray, (outputs,), optional
         Relative errors (2-25) of another model. The fit ends after its first starts when the best
         of them has a larger sum of squares.
@@ -153,7 +150,7 @@ def fit_arm(
     band_hz = bandwidth_hz(records)
     lives = [live_samples(record) for record in records]
     problem = simulation_error(records, lives, drives, band_hz)
-    draw = RandomStarts(problem, band_hz, np.random.default_rng(seed))
+    draw = RandomStarts(problem, band_hz, np.random.default_rng(0))
     finalists: list[Minimum] = []
     for number in range(_BATCHES):
         finalists += _finalists(problem, draw, number, report)

@@ -116,9 +116,7 @@ def judged_modes(
     return tuple(judged)
 
 
-def recurring(
-    mode: Mode, judged: Sequence[JudgedMode], criteria: Criteria | None = None
-) -> JudgedMode | None:
+def recurring(mode: Mode, judged: Sequence[JudgedMode]) -> JudgedMode | None:
     """Return which of the recurring modes a mode of one model is; None for one that does not recur.
 
     The frequency of a mode drifts over the orders, so it is compared with those of all of them and
@@ -130,10 +128,8 @@ def recurring(
         Mode of a model of any order.
     judged : sequence of JudgedMode
         Modes that recur, as `judged_modes` returns them.
-    criteria : Criteria, optional
-        Largest damping ratio of a vibration, and relative change of its frequency.
     """
-    limits = criteria or Criteria()
+    limits = Criteria()
 
     def apart(each: JudgedMode) -> float:
         return min(abs(hz - mode.frequency_hz) for hz in each.mode.frequencies_hz)

@@ -69,9 +69,9 @@ def leading(source: Source, samples: int) -> Part:
     return Part(source, min(samples, len(source)), np.zeros(len(source.outputs)))
 
 
-def excerpt(source: Source, samples: int = EXCERPT_SAMPLES) -> IoData:
+def excerpt(source: Source) -> IoData:
     """Return the first samples of a source as a record in memory; a record itself is unchanged."""
-    return source if isinstance(source, IoData) else source.head(samples)
+    return source if isinstance(source, IoData) else source.head(EXCERPT_SAMPLES)
 
 
 def without_bias(source: Source) -> Part:

@@ -245,8 +245,7 @@ def load_friction(path: Path | str) -> DryFriction | None:
     found = {
         field: value
         for key, value in load_parameters(path).items()
-        if (field := key.rpartition(".")[2])
-        in (*_FIELDS, *_FIELDS_OF_DEPENDENCE, *_FIELDS_OF_YIELDING)
+        if (field := key.rpartition(".")[2]) in _ALL_FIELDS
     }
     if not found:
         return None

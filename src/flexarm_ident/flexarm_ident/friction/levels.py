@@ -70,9 +70,7 @@ class CoulombEstimate:
         return any(self.significant)
 
 
-def estimate_coulomb(
-    data: IoData | Sequence[IoData], drives: Sequence[Drive], *, seed: int = 0
-) -> CoulombEstimate:
+def estimate_coulomb(data: IoData | Sequence[IoData], drives: Sequence[Drive]) -> CoulombEstimate:
     """Estimate Coulomb friction levels jointly with a linear model of the load.
 
     Where a drive moves faster than 5 % of its peak speed, its input is regressed on the
@@ -86,8 +84,6 @@ def estimate_coulomb(
         Records without compensation in the input.
     drives : sequence of Drive
         The output whose motion the friction at each input opposes.
-    seed : int
-        Seed of the bootstrap.
 
     Returns
     -------
@@ -102,7 +98,7 @@ def estimate_coulomb(
     records = as_records(data)
     columns = [drive_columns(records[0], drive) for drive in drives]
     parts = [_motion(record, drives, columns) for record in records]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     levels, deviations, offsets, samples, significant = [], [], [], [], []
     for i, drive in enumerate(drives):
         rows = [_slipping_rows(part, i, columns[i][0]) for part in parts]

@@ -29,15 +29,15 @@ _LAGS = 150
 _SIGNIFICANCE = 1e-3
 
 
-def whitening_filter(errors: Sequence[FloatArray], longest: int = _LONGEST) -> FloatArray:
+def whitening_filter(errors: Sequence[FloatArray]) -> FloatArray:
     """Return the filter that turns the errors of one output into white noise of unit variance.
+
+    Of the autoregressive models up to order 30 the one with the smallest BIC is taken.
 
     Parameters
     ----------
     errors : sequence of ndarray, (samples,)
         Errors of each record; NaN where there is none.
-    longest : int
-        Largest order of the autoregressive model; the one that is taken has the smallest BIC.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def whitening_filter(errors: Sequence[FloatArray], longest: int = _LONGEST) -> F
     """
     known = [np.nan_to_num(e) for e in errors]
     samples = sum(int(np.count_nonzero(~np.isnan(e))) for e in errors)
-    longest = min(longest, *(len(e) - 1 for e in known))
+    longest = min(_LONGEST, *(len(e) - 1 for e in known))
     products = [
         sum(float(e[lag:] @ e[: len(e) - lag]) for e in known) for lag in range(longest + 1)
     ]

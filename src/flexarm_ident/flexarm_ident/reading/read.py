@@ -87,9 +87,7 @@ def read_bag_report(
         )
 
 
-def stream_bag(
-    uri: Path | str, *, topic: str | None = None, wrap: float | None = None
-) -> BagStream:
+def stream_bag(uri: Path | str, *, wrap: float | None = None) -> BagStream:
     """Open a bag as a source for the identification that is never in memory as a whole.
 
     It is the record of `read_bag` without the Coulomb compensation (section 2.4.3), otherwise
@@ -99,8 +97,6 @@ def stream_bag(
     ----------
     uri : Path or str
         rosbag2 folder (MCAP, not compressed by file or message) or a single ``.mcap`` file.
-    topic : str, optional
-        As in `read_bag`.
     wrap : float, optional
         As in `read_bag`.
 
@@ -111,7 +107,7 @@ def stream_bag(
     """
     path = Path(uri)
     with opened(path) as bag:
-        chosen = _chosen(bag, topic)
+        chosen = _chosen(bag, None)
         pieces = partial(bag.pieces, chosen)
         aligned = _aligned(bag, chosen, pieces, lambda: _command_pieces(bag, chosen), wrap)
         header = aligned.header
@@ -126,8 +122,8 @@ def stream_bag(
     return BagStream(**facts, _rows=aligned.table.rows, _open=efforts)
 
 
-def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
-    """Return the number of messages with samples, from a bag's index; arguments as in `read_bag`.
+def sample_count(uri: Path | str) -> int:
+    """Return the number of messages with samples of a bag, from its index.
 
     Raises
     ------
@@ -135,7 +131,7 @@ def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
         If the bag is missing or damaged, or holds no samples.
     """
     with opened(Path(uri)) as bag:
-        return bag.count(_chosen(bag, topic))
+        return bag.count(_chosen(bag, None))
 
 
 def begin_date(uri: Path | str) -> str:

@@ -110,7 +110,7 @@ def test_controller___wrong_gain_and_a_bias___comes_to_rest_on_the_set_point() -
 def test_variations___bending_arm___move_its_vibration_alone() -> None:
     plant = bending_arm()
 
-    found = variations("arm", plant, 0.2)
+    found = variations("arm", plant)
 
     for name, factor in (("all vibrations +20 %", 1.2), ("the slowest vibration -20 %", 0.8)):
         poles = np.log(np.linalg.eigvals(found[f"arm, {name}"].A).astype(complex)) / DT_S
