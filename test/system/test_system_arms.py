@@ -106,6 +106,8 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
     assert {name: report.hardware_id for name, report in heard.reports.items()} == {
         name: f"{name.rpartition('/')[0]}{' simulated' * name.endswith('daq')}" for name in names
     }
+    told = {each.key: each.value for each in heard.reports["/arm1/daq"].values}
+    assert told["command_v"] == "0 V, 0 A"
     assert any(
         line.startswith("daq: active") for line in flexarm(graph, "status", "--namespace", "arm2")
     )

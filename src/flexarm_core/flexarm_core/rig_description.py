@@ -82,6 +82,13 @@ class Channel:
         """Convert a value to the SI unit; a quantity without one stays as it is."""
         return value if self.per_si is None else value / self.per_si
 
+    def text(self, value: float) -> str:
+        """Return a value in its unit and, where that is another one, in SI: ``1.2 V, 0.6 A``."""
+        own = f"{value:.4g} {self.unit}"
+        if self.si_unit in ("", self.unit):
+            return own
+        return f"{own}, {self.to_si(value):.4g} {self.si_unit}"
+
     @property
     def units(self) -> dict[str, float]:
         """Units of the quantity, its own first, and what one of each is in its own."""

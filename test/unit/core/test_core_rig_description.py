@@ -72,6 +72,7 @@ def test_output___of_counts___has_its_value_and_its_si_unit() -> None:
     assert encoder.to_si(90.0) == pytest.approx(math.pi / 2.0)
     assert described(GOOD).output("elbow_rpm").to_si(60.0) == pytest.approx(2.0 * math.pi)
     assert described(GOOD).output("tip").to_si(0.981) == pytest.approx(9.81)
+    assert described(GOOD).input("shoulder_a").text(-0.5) == "-0.5 A"
 
 
 def test_tracked___by_default___is_the_angle_of_every_joint() -> None:
@@ -188,6 +189,8 @@ def test_packaged_thesis___signals___are_those_of_the_thesis() -> None:
     # 3 V are 35 degrees, and 10 V of the drive 5 A (section 2.3).
     assert math.degrees(angle.to_si(3.0)) == pytest.approx(35.0)
     assert rig.input("command_v").to_si(10.0) == pytest.approx(5.0)
+    # The drive gives 0.5 A/V (Figure 2-2).
+    assert rig.input("command_v").text(1.2) == "1.2 V, 0.6 A"
     assert math.degrees(angle.to_si(rig.joints[0].high)) == pytest.approx(80.0)
     assert load_rig("thesis-nidaq").outputs == rig.outputs
 

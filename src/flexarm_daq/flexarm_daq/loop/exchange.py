@@ -107,6 +107,8 @@ class Exchange:
         State of the drive.
     commander : Commander
         Commander in force, and the verdicts on its commands.
+    applied : Applied
+        Commands in force.
     sequence : int
         Number of the newest sample: that of its period, from 1 on.
     taken, missed, unanswered : int
@@ -144,7 +146,7 @@ class Exchange:
         self._period_s = 1.0 / rate_hz
         self._emergency = False
         self._outputs: NDArray[np.float64] | None = None
-        self._applied = self._at_rest
+        self.applied = self._at_rest
         self._tick_s = 0.0
         self._sample_time_s = -math.inf
         self._started_s = (math.nan, math.nan)
@@ -210,7 +212,7 @@ class Exchange:
         self.missed += skipped
         self.sequence += 1 + skipped
         self.taken += 1
-        in_force = self._applied
+        in_force = self.applied
         self._look_for_faults(sample)
         if not self.safety.driving:
             self._let_go()
@@ -280,7 +282,7 @@ class Exchange:
 
     def _let_go(self) -> None:
         """Take the drive to zero if it is not there; the next command starts from zero."""
-        if self._applied != self._at_rest:
+        if self.applied != self._at_rest:
             self._write(self._at_rest)
             self._gate.reset()
 
@@ -302,4 +304,4 @@ class Exchange:
 
     def _write(self, applied: Applied) -> None:
         self._rig.write(applied.commands)
-        self._applied = applied
+        self.applied = applied

@@ -212,6 +212,12 @@ class DaqNode(LoopNode):
         yield {
             "drive": safety.state.value,
             "held after s": "" if math.isnan(acquisition.held_s) else f"{acquisition.held_s:.3f}",
+            **{
+                drive.name: drive.text(command)
+                for drive, command in zip(
+                    self.description.inputs, acquisition.applied.commands, strict=True
+                )
+            },
             "last sample s": stamp_text(self._link.newest_ns),
             "samples": acquisition.taken,
             "rate Hz": f"{rate_hz:.1f}",
