@@ -54,6 +54,66 @@ def addresses_until(graph: Graph, ended: Callable[[], bool]) -> dict[int, set[st
     return seen
 
 
+def test_policies___are_as_sros2_has_them() -> None:
+    root = ET.fromstring(POLICY.read_text("utf-8"))  # noqa: S314 - our own file
+    assert (root.tag, root.attrib) == ("policy", {"version": "0.2.0"})
+    assert {each.attrib["path"] for each in root.findall("enclaves/enclave")} == {
+        f"/flexarm/{name}" for name in (*NODE_NAMES, OPERATOR, LOOP)
+    }
+    rules = {
+        (group.tag, rule, each.tag)
+        for group in root.findall("enclaves/enclave/profiles/profile/*")
+        for rule, qualifier in group.items()
+        if qualifier == "ALLOW"
+        for each in group
+    }
+    assert rules == {
+        (f"{kind}s", rule, kind)
+        for kind, *both in (
+            ("topic", "publish", "subscribe"),
+            ("service", "reply", "request"),
+            ("action", "execute", "call"),
+        )
+        for rule in both
+    }
+
+
+@pytest.mark.parametrize(
+    "verb",
+    # One of each way to the graph: reports, an arm that is looked for, the doctor's own node.
+    ["status", "reference 1", "doctor"],
+)
+def test_verb___listens_on_loopback_alone(graph: Graph, verb: str) -> None:
+    process = graph.run([str(ROOT / "flexarm"), *verb.split()])
+
+    seen = addresses_until(graph, lambda: process.popen.poll() is not None)
+
+    assert set.union(*seen.values()) == {_LOOPBACK}, process.printed
+
+
+def test_up___listens_on_loopback_alone_and_so_do_its_nodes(graph: Graph) -> None:
+    process = graph.run([str(ROOT / "flexarm"), "up"])
+
+    # The page's address comes last.
+    seen = addresses_until(graph, lambda: "/#token=" in process.printed)
+
+    with_sockets = [addresses for addresses in seen.values() if addresses]
+    assert with_sockets == [{_LOOPBACK}] * 6
+    assert all(graph.survivors(executable(name).name) for name in ("recorder", "ident", "live"))
+
+
+@pytest.mark.skipif("_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in os.environ, reason="needs the wheels")
+def test_security___without_its_libraries___is_refused_in_one_line(graph: Graph) -> None:
+    graph.environment["ROS_SECURITY_ENABLE"] = "true"
+    node = graph.run_node("recorder", {})
+    verb = graph.run([str(ROOT / "flexarm"), "status"])
+    assert (node.exit_code(), verb.exit_code()) == (2, 1)
+    (line,) = node.printed.splitlines()
+    assert line.startswith("ROS_SECURITY_ENABLE=true: the ROS 2 of these Python packages is built")
+    assert verb.printed == f"flexarm: {line}\n"
+
+
+# Last: so many nodes cost time as long as they live.
 @pytest.fixture(scope="module")
 def every_node(
     tmp_path_factory: pytest.TempPathFactory,
@@ -84,69 +144,3 @@ def test_policies___are_what_the_nodes_use(every_node: tuple[Graph, dict[str, Pr
         for name, _, enclave in graph.node.get_node_names_and_namespaces_with_enclaves()
     }
     assert {name: enclaves[name] for name in nodes} == {name: f"/flexarm/{name}" for name in nodes}
-
-
-def test_policies___are_as_sros2_has_them() -> None:
-    root = ET.fromstring(POLICY.read_text("utf-8"))  # noqa: S314 - our own file
-    assert (root.tag, root.attrib) == ("policy", {"version": "0.2.0"})
-    assert {each.attrib["path"] for each in root.findall("enclaves/enclave")} == {
-        f"/flexarm/{name}" for name in (*NODE_NAMES, OPERATOR, LOOP)
-    }
-    rules = {
-        (group.tag, rule, each.tag)
-        for group in root.findall("enclaves/enclave/profiles/profile/*")
-        for rule, qualifier in group.items()
-        if qualifier == "ALLOW"
-        for each in group
-    }
-    assert rules == {
-        (f"{kind}s", rule, kind)
-        for kind, *both in (
-            ("topic", "publish", "subscribe"),
-            ("service", "reply", "request"),
-            ("action", "execute", "call"),
-        )
-        for rule in both
-    }
-
-
-@pytest.mark.parametrize(
-    "verb",
-    [
-        "status",
-        "stop",
-        "reference 1",
-        "set daq rate_hz=100.0",
-        "activate daq",
-        "deactivate daq",
-        "doctor",
-    ],
-)
-def test_verb___listens_on_loopback_alone(graph: Graph, verb: str) -> None:
-    process = graph.run([str(ROOT / "flexarm"), *verb.split()])
-
-    seen = addresses_until(graph, lambda: process.popen.poll() is not None)
-
-    assert set.union(*seen.values()) == {_LOOPBACK}, process.printed
-
-
-def test_up___listens_on_loopback_alone_and_so_do_its_nodes(graph: Graph) -> None:
-    process = graph.run([str(ROOT / "flexarm"), "up"])
-
-    # The page's address comes last.
-    seen = addresses_until(graph, lambda: "/#token=" in process.printed)
-
-    with_sockets = [addresses for addresses in seen.values() if addresses]
-    assert with_sockets == [{_LOOPBACK}] * 6
-    assert all(graph.survivors(executable(name).name) for name in ("recorder", "ident", "live"))
-
-
-@pytest.mark.skipif("_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in os.environ, reason="needs the wheels")
-def test_security___without_its_libraries___is_refused_in_one_line(graph: Graph) -> None:
-    graph.environment["ROS_SECURITY_ENABLE"] = "true"
-    node = graph.run_node("recorder", {})
-    verb = graph.run([str(ROOT / "flexarm"), "status"])
-    assert (node.exit_code(), verb.exit_code()) == (2, 1)
-    (line,) = node.printed.splitlines()
-    assert line.startswith("ROS_SECURITY_ENABLE=true: the ROS 2 of these Python packages is built")
-    assert verb.printed == f"flexarm: {line}\n"
