@@ -32,7 +32,10 @@ _TABLES = frozenset(
 # Of equally good ones the first counts; a blank stands for white space of any length.
 _SEPARATORS = ("\t", ",", ";", "|", " ")
 # What programs write for a number that they lack; NaN is a number to Python.
-MISSING = frozenset({"", "-", "--", "na", "n/a", "null", "none", "#n/a"})
+MISSING = frozenset(
+    {"", "-", "--", "?", "...", "na", "n/a", "null", "nil", "none", "missing", "<missing>"}
+    | {"#n/a", "#na", "#div/0!", "#value!", "#num!", "#ref!", "1.#qnan", "-1.#ind", "ovf"}
+)
 # A line of a table has some hundred characters.
 _LINE_CHARACTERS = 1 << 20
 _HEAD_LINES = 400
@@ -53,6 +56,7 @@ _UNIT = re.compile(
     r"(milli|micro|nano)?(second|volt|amp(ere)?|met(er|re)|newton|radian)s?",
     re.IGNORECASE,
 )
+_NAME_AND_UNIT = re.compile(r"\S+(?: +[\[(][^\])]*[\])])?")
 _NAME = re.compile(r".*[^\W\d].*")
 # First bytes of files that are called or taken for text, and what to do.
 _BINARY = (
@@ -123,7 +127,8 @@ class Layout:
     def unit_s(self, name: str) -> float | None:
         """Return the unit of time that a column's name or the line below tells, s."""
         unit = self.unit(name).strip("()[] ")
-        told = (name, f"t [{name}]", f"t [{unit}]" if unit else "")
+        # A column of a counter may have its unit for a name, as micros.
+        told = (name, f"t [{unit}]" if unit else "", f"t [{name}]")
         return next(filter(None, map(time_unit_s, told)), None)
 
     def rows(self, lines: Iterable[str], first: int) -> Iterator[tuple[int, list[str]]]:
@@ -356,6 +361,8 @@ def _header_cells(line: str, separator: str, width: int) -> list[str]:
     splits = [
         _split(text, each) for each in (separator, *(_SEPARATORS if mark else _SEPARATORS[:4]))
     ]
+    if separator == " ":
+        splits.append(_NAME_AND_UNIT.findall(text))
     fits = [cells for cells in splits if len(cells) == width]
     return [cell.strip() for cell in (fits or splits)[0]]
 

@@ -15,7 +15,7 @@ import numpy as np
 from flexarm_core.bounds import shown
 from flexarm_core.errors import reason
 from flexarm_core.labels import TIME_UNITS_S, counted
-from flexarm_ident.importing.csv_clock import clock_s, is_clock
+from flexarm_ident.importing.csv_clock import clock_s, counted_on, is_clock
 from flexarm_ident.importing.csv_layout import (
     MISSING,
     CsvImportError,
@@ -164,7 +164,9 @@ def _in_seconds(
         seconds = seconds + (
             2.0 * _HALF_A_DAY_S * days if seconds.max() < 2.0 * _HALF_A_DAY_S else 0.0
         )
-    elif unit_s is None:
+    else:
+        seconds = counted_on(seconds)
+    if unit_s is None:
         usual = float(np.nanmedian(np.abs(seconds)))
         since_1970_s = [(unit, usual * unit) for unit in (1e-3, 1e-6, 1e-9)]
         unit_s = next((unit for unit, s in since_1970_s if _EARLIEST_S <= s <= _LATEST_S), None)
@@ -206,7 +208,7 @@ def _plain_numbers(
     lines: Iterator[str], layout: Layout, columns: Sequence[_Column]
 ) -> _Rows | None:
     """Return the rows; None where a line is not of as many plain numbers as the first one."""
-    if layout.separator not in "\t,;|":
+    if layout.separator not in "\t,;|" or layout.width > len(layout.names):
         return None
     marks: set[str] = set()
     found = _Rows([], [], [])
@@ -403,12 +405,12 @@ def _decimal_mark(
     rows: Sequence[Row], columns: Sequence[_Column], layout: Layout, path: Path, known: str
 ) -> str:
     """Return the decimal mark of the rows so far, comma or point; nothing where none has one."""
-    if layout.separator == ",":
-        return "."
     for line, row in rows:
         for column in columns:
             cell = row[column.place] if column.place < len(row) else ""
             mark = "" if column.is_time and is_clock(cell) else _mark_of(cell)
+            if layout.separator == mark and _THOUSANDS["."].fullmatch(cell):
+                mark = ""
             if mark and known not in ("", mark):
                 raise CsvImportError(
                     f"{path}, line {line}, column {column.name}: {shown(cell)}, and the file "

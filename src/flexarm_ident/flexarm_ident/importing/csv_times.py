@@ -118,6 +118,8 @@ def _of_rounded_times(times_s: FloatArray, usual_s: float) -> Sampling | None:
     off_s = times_s - times_s[0] - start_s - slope_s * places
     if np.ptp(off_s) > _TWO_DIGITS * digit_s or places[-1] > 2.0 * len(times_s):
         return None
+    if np.diff(places).min() < 1.0:
+        return None
     rate_hz = nominal_rate_hz(1.0 / float(slope_s), float(places[-1]))
     return Sampling(rate_hz, places.astype(np.int64))
 
@@ -251,7 +253,14 @@ def refuse_backwards(table: CsvTable, column: str, steps_s: FloatArray) -> None:
     """Raise a CsvImportError where a step of the times, (rows - 1,), is not above zero."""
     if np.all(steps_s > 0.0):
         return
-    line = table.lines[int(np.argmax(steps_s <= 0.0)) + 1]
+    first = int(np.argmax(steps_s <= 0.0))
+    line = table.lines[first + 1]
+    times_s = table.values[:, 0]
+    if first > 0 and times_s[first + 1] < times_s[1]:
+        raise CsvImportError(
+            f"{table.path}, line {line}: column {column} begins anew: make a file of each run, and "
+            "give them together"
+        )
     raise CsvImportError(
         f"{table.path}, line {line}: column {column} does not increase: sort the rows, keep one of "
         "those with the same time, or name the column of the time"

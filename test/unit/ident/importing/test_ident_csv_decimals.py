@@ -58,6 +58,16 @@ def test_marks___that_contradict_in_two_portions___are_refused(
         values(tmp_path, ["0;1,5;2", "1;1;1", "2;1;1", "3;1;2.5"])
 
 
-def test_decimal_commas___between_commas___stay_refused(tmp_path: Path) -> None:
-    with pytest.raises(CsvImportError, match=r"'1,5' is not a number: write it with a point"):
-        values(tmp_path, ['0,"1,5",2', '1,"2,5",3'], ",")
+def test_decimal_commas___in_quotes_between_commas___are_read(tmp_path: Path) -> None:
+    found = values(tmp_path, ['0,"1,5",2', '1,"1,234",3'], ",")
+    np.testing.assert_allclose(found, [[0.0, 1.5, 2.0], [1.0, 1.234, 3.0]])
+
+
+def test_decimal_commas___beside_points_between_commas___are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CsvImportError, match=r"line 3, column i: '1,5', and the file has commas"):
+        values(tmp_path, ['0,"1,234",2.5', '1,"1,5",3.5'], ",")
+
+
+def test_decimal_commas___between_commas___are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CsvImportError, match=r"line 2: it has 6 cells, and .* names 4.*need ;"):
+        values(tmp_path, [f"0,00{k},1,5,2,{k}" for k in range(5)], ",")

@@ -169,6 +169,38 @@ FORMS: dict[str, tuple[str, float]] = {
         ),
         200.0,
     ),
+    "month by its name": (
+        joined("time,u,y1,y2\n", ",", cells(lambda k: day(k, "01-Mar-2024 "))),
+        200.0,
+    ),
+    "year of two digits, ms behind a colon": (
+        joined(
+            "Zeit;u;y1;y2\n",
+            ";",
+            cells(lambda k: f"01.03.24 12:00:{k // 200:02d}:{k % 200 * 5:03d}", ","),
+        ),
+        200.0,
+    ),
+    "days of a data frame": (
+        joined("time,u,y1,y2\n", ",", cells(lambda k: f"3 days 00:00:{k / 200:09.6f}")),
+        200.0,
+    ),
+    "quotes and decimal commas": (
+        joined("t,u,y1,y2\n", ",", [[f'"{cell}"' for cell in row] for row in cells(mark=",")]),
+        200.0,
+    ),
+    "counter of 32 bits": (
+        joined("micros,u,y1,y2\n", ",", cells(lambda k: f"{(2**32 - 999_000 + 5000 * k) % 2**32}")),
+        200.0,
+    ),
+    "counter of 16 bits": (
+        joined("t_ms,u,y1,y2\n", ",", cells(lambda k: f"{(2**16 - 700 + 5 * k) % 2**16}")),
+        200.0,
+    ),
+    "units behind blanks": (
+        joined("  t [s]   u [V]  y1 [rad]   y2 [m/s^2]\n", "   ", cells()),
+        200.0,
+    ),
     "minutes and seconds": (
         joined("time,u,y1,y2\n", ",", cells(lambda k: f"02:{k / RATE_HZ:06.3f}")),
         200.0,
@@ -428,6 +460,9 @@ def test_times___at_steps_that_people_choose___are_taken_whatever_the_names(
         ("13/1/1970 0:00", 1036800.0),
         ("23:59:59.25", 86399.25),
         ("01:02.5", 62.5),
+        ("02-Jan-1970 00:00:01.5", 86401.5),
+        ("02.01.70 00:00:01:250", 86401.25),
+        ("2 days 00:00:01", 172801.0),
     ],
 )
 def test_clock___in_a_usual_form___is_its_seconds(text: str, since_s: float) -> None:
@@ -440,3 +475,23 @@ def test_clock___that_is_none___is_refused(text: str) -> None:
     assert not is_clock(text)
     with pytest.raises(ValueError, match=r".*"):
         clock_s(text)
+
+
+@pytest.mark.parametrize(
+    ("last", "first", "said"),
+    [(300, 0, r"line 302: .* make a file of each run"), (100, 99, r"line 102: .* keep one")],
+)
+def test_times___that_do_not_rise___are_refused_with_their_line(
+    tmp_path: Path, last: int, first: int, said: str
+) -> None:
+    text = joined("t,u,y1,y2\n", ",", [*cells()[:last], *cells()[first:]])
+    with pytest.raises(CsvImportError, match=said):
+        imported(tmp_path, text)
+
+
+@pytest.mark.parametrize("cell", ["?", "#DIV/0!", "1.#QNAN", "OVF", "<missing>", "-"])
+def test_word___that_a_program_writes_for_no_number___is_a_hole(tmp_path: Path, cell: str) -> None:
+    rows = cells()
+    rows[50][2] = cell
+    made, _ = imported(tmp_path, joined("t,u,y1,y2\n", ",", rows))
+    assert made.missing_cells == 1

@@ -140,7 +140,6 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
         (["t,i,q", "0,1,2", ",1,2"], ", line 3, column t: empty cell; a row needs its time: fill"),
         (["t,i,q", "0,nan,2", "1,2,3"], ", line 2, column i: nan is no number; an input must be"),
         (["t,i,q", "0,1,2", "1,2,-inf"], ", line 3, column q: -inf is not finite; empty the cell"),
-        (["t,i,q", "0,1,2", '1,2,"3,5"'], "column q: '3,5' is not a number: write it with a point"),
         (
             ["t,i,q", '0,1,"2', "1,2,3"],
             "column q: '2\\n1,2,3' is not a number: close its quotation",
