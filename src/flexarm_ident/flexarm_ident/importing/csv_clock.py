@@ -29,11 +29,10 @@ _COUNTERS, _FEW_STEPS = (2.0**16, 2.0**32), 5.0
 
 def is_clock(text: str) -> bool:
     """Return whether a text is a date with a time, a date, or a time of the day."""
-    text = _DAYS.sub("", _with_number(text.strip()), count=1)
     return (
         bool(text)
         and (":" in text or text.count("-") + text.count("/") + text.count(".") > 1)
-        and (_CLOCK.fullmatch(text) is not None)
+        and _CLOCK.fullmatch(_in_numbers(text)) is not None
     )
 
 
@@ -46,7 +45,7 @@ def clock_s(text: str) -> float:
         If it is none.
     """
     days = _DAYS.match(text.strip())
-    found = _CLOCK.fullmatch(_DAYS.sub("", _with_number(text.strip()), count=1))
+    found = _CLOCK.fullmatch(_in_numbers(text))
     if not found or not found.lastindex:
         raise ValueError(text)
     year, month, day, first, mark, second, late_year, *rest = found.groups()
@@ -72,9 +71,12 @@ def clock_s(text: str) -> float:
     return seconds + (_date_s(int(year), int(month), int(day)) if year else 0.0)
 
 
-def _with_number(text: str) -> str:
-    """Return a date with the number of a month that has its English name."""
-    return _NAMED.sub(lambda at: f"{at[3]}-{_NAMES.index(at[2].lower()) + 1}-{at[1]}", text)
+def _in_numbers(text: str) -> str:
+    """Return an instant without its days, and with the number of a month that has its name."""
+    named = _NAMED.sub(
+        lambda at: f"{at[3]}-{_NAMES.index(at[2].lower()) + 1}-{at[1]}", text.strip()
+    )
+    return _DAYS.sub("", named, count=1)
 
 
 def counted_on(ticks: FloatArray) -> FloatArray:
