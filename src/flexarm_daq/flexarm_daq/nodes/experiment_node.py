@@ -142,7 +142,12 @@ class ExperimentNode(AnsweringNode):
 
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""
-        yield {"waveform": self.parameters.values()["waveform"], "bound V": BOUND_V}
+        yield {"waveform": self.parameters.values()["waveform"]}
+        for each in self._driven:
+            if each.place is not None:
+                angle = self.description.outputs[each.place]
+                bound = each.middle + BOUND_V / abs(each.volts_per_unit)
+                yield {f"bound {angle.name}": angle.text(bound)}
         yield from super().figures()
 
 
