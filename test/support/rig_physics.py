@@ -27,12 +27,17 @@ def bends_at_m(rig: RigParameters) -> NDArray[np.float64]:
     return rig.length_m * (np.arange(BENDS) + 0.5) / BENDS
 
 
+def arm_angle_rad(plant: Plant) -> float:
+    """Return the angle of the arm's hub."""
+    return float(_modes(plant.parameters).hub_angle @ plant.state[POSITION, ARM:])
+
+
 def energy_j(plant: Plant) -> float:
     """Return the kinetic and elastic energy of motor, arm, gear and stops; zero at rest."""
     rig = plant.parameters
     speed = plant.state[VELOCITY]
     modal = plant.state[POSITION, ARM:]
-    motor_rad, arm_rad = plant.state[POSITION, MOTOR], plant.arm_angle_rad
+    motor_rad, arm_rad = plant.state[POSITION, MOTOR], arm_angle_rad(plant)
     tooth_rad = max(0.0, abs(motor_rad - arm_rad) - math.radians(rig.backlash_deg) / 2.0)
     stop_rad = max(0.0, abs(arm_rad) - math.radians(rig.stop_angle_deg))
     doubled = (

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import (
+    LOOP,
     MANAGED,
     NAMESPACE,
     LaunchError,
@@ -40,7 +41,6 @@ _NODES = {
     "live": ("flexarm_live", "live_node"),
     "foxglove": ("flexarm_live", "foxglove_node"),
 }
-_LOOP = ("daq", "controller")
 LABORATORY = ("recorder", "ident", "controller", "daq")
 """The nodes of a running laboratory, in the order in which they start."""
 
@@ -101,9 +101,9 @@ def running_graph(
             terminal.CONSOLE.print(f"note: {file} is also for {name}, no node here")
     if compose is None:
         rig = str(parameters.get("daq", {}).get("rig", ""))
-        has_both = set(_LOOP) <= set(nodes)
+        has_both = set(LOOP) <= set(nodes)
         compose = has_both and is_simulated(rig, files, f"{namespace.rstrip('/')}/daq")
-    alone = [name for name in nodes if not (compose and name in _LOOP)]
+    alone = [name for name in nodes if not (compose and name in LOOP)]
     programs = [
         NodeProgram(*_NODES[name], parameters.get(name, {}), files, namespace) for name in alone
     ]
@@ -135,9 +135,7 @@ def _loop_program(
     parameters: Mapping[str, Mapping[str, Any]], files: tuple[Path, ...], namespace: str
 ) -> NodeProgram:
     own = {
-        f"{node}.{name}": value
-        for node in _LOOP
-        for name, value in parameters.get(node, {}).items()
+        f"{node}.{name}": value for node in LOOP for name, value in parameters.get(node, {}).items()
     }
     return NodeProgram("flexarm_bringup", "loop_node", own, files, namespace, has_several=True)
 

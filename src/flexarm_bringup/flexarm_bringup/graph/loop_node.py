@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.executors import SingleThreadedExecutor
 
+from flexarm_bringup.graph.processes import LOOP
 from flexarm_control.controller_node import ControllerNode
 from flexarm_core.errors import SettingError
 from flexarm_daq.nodes.daq_node import DaqNode
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
     Arguments = dict[str, list[str]]
 
-_NAMES = ("daq", "controller")
 _END_S = 2.0
 # Python's own 5 ms would keep the next sample waiting that long for a thread that computes.
 _SWITCH_S = 5e-5
@@ -49,13 +49,13 @@ def node_arguments(words: Sequence[str]) -> Arguments:
     SettingError
         When a word is no parameter of one of the nodes.
     """
-    arguments: Arguments = {name: [] for name in _NAMES}
+    arguments: Arguments = {name: [] for name in LOOP}
     for word in own_words(words):
         name, _, assignment = word.partition(".")
         if name not in arguments or ":=" not in assignment:
             raise SettingError(
                 f"{word!r} is no parameter, such as daq.rate_hz:=1000.0: outside of {BEGIN} each "
-                f"names its node, {' or '.join(_NAMES)}, and has no -p"
+                f"names its node, {' or '.join(LOOP)}, and has no -p"
             )
         arguments[name] += [BEGIN, "-p", assignment] if not arguments[name] else ["-p", assignment]
     return arguments

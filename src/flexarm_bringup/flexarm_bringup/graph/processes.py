@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 NAMESPACE = "/flexarm"
 """Namespace of an arm that is given none."""
-MANAGED = ("daq", "controller", "experiment")
+LOOP = ("daq", "controller")
+"""The nodes that answer each other, sample by sample."""
+MANAGED = (*LOOP, "experiment")
 """The nodes with a lifecycle."""
 _ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _PATIENCE_S = 8.0

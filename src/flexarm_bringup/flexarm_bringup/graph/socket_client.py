@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_bringup.graph.assignments import assigned
 from flexarm_bringup.graph.figures import SetPoint
-from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.processes import LOOP, LaunchError
 from flexarm_core.errors import one_line
 from flexarm_core.own_files import OwnFileError
 from flexarm_core.patience import slowness
@@ -29,8 +29,7 @@ _FIRST_REPORTS_S = 2.0
 """Reports come once a second."""
 _POLL_S = 0.1
 _LONGEST = 4 << 20
-_LOOP = ("daq", "controller")
-_NODES = (*_LOOP, "recorder", "ident")
+_NODES = (*LOOP, "recorder", "ident")
 """Nodes whose parameters `up` knows."""
 _MODELS = "models."
 
@@ -143,13 +142,13 @@ class SocketClient:
 
     def activate(self, node: str) -> str:
         """Activate a node of the loop and return its state."""
-        _require(node, _LOOP)
+        _require(node, LOOP)
         self.ask("activate", _TRANSITION_S, node=node)
         return "active"
 
     def deactivate(self, node: str) -> str:
         """Deactivate a node of the loop and return its state."""
-        _require(node, _LOOP)
+        _require(node, LOOP)
         self.ask("deactivate", _TRANSITION_S, node=node)
         return "inactive"
 

@@ -61,11 +61,6 @@ class Plant:
         self.state = np.zeros((2, COLUMNS))
         self._load(parameters)
 
-    @property
-    def arm_angle_rad(self) -> float:
-        """Angle of the arm's hub."""
-        return float(np.sum(self._equations.hub_angle * self.state[POSITION, ARM:]))
-
     def reset(self) -> None:
         """Put the rig to rest at the middle of its travel."""
         self.command_v = 0.0

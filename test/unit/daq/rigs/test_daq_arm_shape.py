@@ -10,7 +10,7 @@ from flexarm_daq.rigs.beam import arm_modes
 from flexarm_daq.rigs.equations import ARM, POSITION
 from flexarm_daq.rigs.plant import Plant
 from flexarm_daq.rigs.rig_parameters import RigParameters
-from support.rig_physics import bends_at_m
+from support.rig_physics import arm_angle_rad, bends_at_m
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,7 +50,7 @@ def test_bend_angles___arm_that_swings___have_its_tip_where_the_beam_has_it() ->
         angles_rad = bend_angles(RIG) @ plant.outputs_v()[1:3]
         found_m.append(angles_rad @ (RIG.length_m - bends_at_m(RIG)))
         nodes = modes.shapes @ plant.state[POSITION, ARM:]
-        true_m.append(nodes[-2] - plant.arm_angle_rad * RIG.length_m)
+        true_m.append(nodes[-2] - arm_angle_rad(plant) * RIG.length_m)
 
     # The first mode carries nearly all of it; the linear curvature is what is not exact.
     assert np.std(np.subtract(found_m, true_m)) < 0.2 * np.std(true_m)

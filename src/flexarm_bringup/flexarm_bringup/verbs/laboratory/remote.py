@@ -14,7 +14,7 @@ from flexarm_bringup.console.quantity import Quantity, units_of_channel
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.arm_client import stop_every_arm, through
 from flexarm_bringup.graph.assignments import parsed
-from flexarm_bringup.graph.processes import MANAGED, NAMESPACE, LaunchError
+from flexarm_bringup.graph.processes import LOOP, MANAGED, NAMESPACE, LaunchError
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.bounds import shown
 from flexarm_core.errors import SettingError
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from flexarm_bringup.graph.arm_client import ArmClient
     from flexarm_bringup.graph.figures import SetPoint
 
-_LOOP = ("daq", "controller")
 _TOPIC = "topic"
 
 
@@ -231,7 +230,7 @@ def _motion(arm: ArmClient, node: str) -> str:
 
     The reports of the nodes have the set-point of up to a second ago.
     """
-    if node not in _LOOP:
+    if node not in LOOP:
         return ""
     with suppress(LaunchError, KeyError):
         params = arm.parameters("controller")["controller"]
