@@ -408,15 +408,8 @@ def _channel(
         row.refuse(
             f"{row.name}: {quantity} in {unit} needs per_si, the {unit} of one {SI_UNITS[quantity]}"
         )
-    low, high = limits
-    return {
-        "name": row.name,
-        "unit": unit,
-        "quantity": quantity,
-        "per_si": per_si,
-        "low": low,
-        "high": high,
-    }
+    measure = {"quantity": quantity, "per_si": per_si, "low": limits[0], "high": limits[1]}
+    return {"name": row.name, "unit": unit, **measure}
 
 
 def _input(row: Section) -> Input:
