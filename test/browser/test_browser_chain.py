@@ -9,6 +9,8 @@ from support.live_mock import LiveMock
 from support.live_page import asked, opened
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from support.browser import Browser
 
 
@@ -43,6 +45,41 @@ def test_chain___by_clicks_alone___ends_in_a_step_with_the_tuned_law(
     browser.wait_for("document.querySelectorAll('#steps .curve').length === 2")
     assert mock.arm.law == "pdpc"
     assert mock.arm.gains["pdpc.kp"] == pytest.approx(0.8)
+    assert browser.console == []
+
+
+def test_csv_file___dropped_on_the_page___is_identified_by_its_named_signals(
+    browser: Browser, mock: LiveMock, tmp_path: Path
+) -> None:
+    opened(browser, mock)
+    file = tmp_path / "my run.csv"
+    content = b"t,motor,tip\n" + b"0.01,1.0,2.0\n" * 20_000
+    file.write_bytes(content)
+    data = {"items": [], "files": [str(file)], "dragOperationsMask": 1}
+    for kind in ("dragEnter", "dragOver", "drop"):
+        browser.call("Input.dispatchDragEvent", type=kind, x=500, y=500, data=data)
+    browser.wait_for("document.querySelectorAll('#columns_rows select').length === 6")
+    assert mock.dropped == {"my run.csv": content}
+    browser.click("#identify")
+    browser.wait_for(
+        "document.getElementById('message').textContent.includes('choose an input and an output')"
+    )
+    for label, value in {
+        "Role of t": "time",
+        "Role of motor": "input",
+        "Unit of motor": "V",
+        "Role of tip": "output",
+    }.items():
+        browser.ask(
+            f"""(() => {{ const menu = document.querySelector('[aria-label="{label}"]');
+            menu.value = {value!r}; menu.dispatchEvent(new Event("change")); }})()"""
+        )
+    browser.click("#identify")
+    browser.wait_for("document.querySelector('#stabilisation svg') !== null")
+    (request,) = asked(mock, "identify")
+    assert request["bag"] == "my run.csv"
+    assert (request["inputs"], request["outputs"]) == (["motor_v=motor"], ["tip"])
+    assert request["times"] == ["t"]
     assert browser.console == []
 
 

@@ -308,7 +308,12 @@ def test_page_without_the_token___shows___and_commands_nothing(
     assert browser.ask("document.getElementById('stop').disabled")
     browser.press("Space")
     browser.wait_for("document.getElementById('message').textContent.includes('without the token')")
-    assert {request["do"] for request in mock.requests} == {"bags", "identify_line", "tune_line"}
+    assert {request["do"] for request in mock.requests} == {
+        "bags",
+        "signals",
+        "identify_line",
+        "tune_line",
+    }
 
 
 def test_traces___paused_and_in_volts___stand_still(browser: Browser, mock: LiveMock) -> None:

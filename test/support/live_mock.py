@@ -12,6 +12,7 @@ from contextlib import suppress
 from http import HTTPStatus
 from itertools import count
 from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qs, urlsplit
 
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
@@ -75,6 +76,7 @@ class LiveMock:
         self.payload_kg = 0.0
         self.recording: str | None = None
         self.bags = ["run1"]
+        self.dropped: dict[str, bytes] = {}
         self.waveform: dict[str, Any] = {"kind": "none"}
         self._holder: ServerConnection | None = None
         self._pages: list[ServerConnection] = []
@@ -121,7 +123,7 @@ class LiveMock:
 
     def _serve_file(self, _: ServerConnection, request: Request) -> Response | None:
         path = request.path.partition("?")[0]
-        if path in {"/live", "/stop"}:
+        if path in {"/live", "/stop", "/drop"}:
             return None if self.opens else Response(HTTPStatus.SERVICE_UNAVAILABLE, "", Headers())
         file = self.files.get(path.removeprefix("/") or INDEX)
         if file is None:
@@ -140,6 +142,9 @@ class LiveMock:
                 for text in page:
                     self._take(page, json.loads(text))
             return
+        if page.request is not None and page.request.path.startswith("/drop"):
+            self._take_file(page, parse_qs(urlsplit(page.request.path).query)["name"][0])
+            return
         self.greets.wait()
         _send(page, as_json(self._greeting(hand=hand)))
         _send(page, as_json(self._state(page)))
@@ -152,6 +157,17 @@ class LiveMock:
         finally:
             self._pages.remove(page)
             self._holder = None if self._holder is page else self._holder
+
+    def _take_file(self, page: ServerConnection, name: str) -> None:
+        content = b"".join(iter(page.recv, "end"))  # type: ignore[arg-type]
+        self.dropped[name] = content
+        self.bags.insert(0, name.partition("/")[0])
+        _send(page, json.dumps({"ok": True, "message": "", "data": {"bag": self.bags[0]}}))
+
+    def _do_signals(self, request: dict[str, Any]) -> dict[str, Any]:
+        content = self.dropped.get(request["bag"], b"").partition(b"\n")[0].decode()
+        signals = [{"name": name, "unit": "", "role": ""} for name in content.split(",") if name]
+        return {"signals": signals, "endings": {"V": "_v", "rad": "_rad"}, "has_clock": False}
 
     def _greeting(self, *, hand: bool) -> dict[str, Any]:
         return (

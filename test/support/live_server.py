@@ -23,7 +23,9 @@ from flexarm_live.terminal_socket import listen
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
 
+    from flexarm_live.graph.store import Store
     from flexarm_live.serving.requests import Request
 
 TOKEN = "the-token-of-this-test"  # noqa: S105 - of a test
@@ -38,6 +40,7 @@ class MemoryLaboratory:
         self.withdrawn: list[str] = []
         self.slow = {"activate"}
         self.let_on = asyncio.Event()
+        self.store: Store | None = None
 
     async def hello(self) -> Mapping[str, Any]:
         """Return a little of what a page is told."""
@@ -63,6 +66,11 @@ class MemoryLaboratory:
         if request.fields.get("name") == "none":
             raise FlexarmError("law = 'none': must be one of pd, pdpc")
         return Answer("done", {"verb": request.verb})
+
+    def place_for(self, name: str) -> Path:
+        """Return where a dropped file goes."""
+        assert self.store is not None
+        return self.store.place_for(name)
 
     def report(self, name: str) -> bytes | None:
         """Return the one report."""

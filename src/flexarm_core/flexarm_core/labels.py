@@ -38,8 +38,7 @@ PER_SI: Final[Mapping[str, Mapping[str, float]]] = {
 """Units in one SI unit, of the units that need no `per_si`."""
 RAW_UNITS: Final = ("V", "count", "%")
 """Units of a reading or a command that stand for any quantity, by `per_si`."""
-# The unit stands at the end of a name; the longer ending counts.
-_UNITS = {
+UNIT_ENDINGS: Final[Mapping[str, str]] = {
     "rad_per_s": "rad/s",
     "deg_per_s": "deg/s",
     "m_per_s": "m/s",
@@ -57,6 +56,7 @@ _UNITS = {
     "n": "N",
     "m": "m",
 }
+"""Unit by the ending of a name that says it; the longer ending counts."""
 _TIME_WORDS_S = {
     "s|secs?|seconds?": 1.0,
     "ms|msecs?|millis|milliseconds?": 1e-3,
@@ -83,7 +83,7 @@ def label_and_unit(name: str) -> tuple[str, str]:
 
     The unit is empty when the name has none.
     """
-    for ending, unit in _UNITS.items():
+    for ending, unit in UNIT_ENDINGS.items():
         words = name.removesuffix(f"_{ending}")
         if words not in (name, ""):
             return words.replace("_", " "), unit
@@ -93,7 +93,9 @@ def label_and_unit(name: str) -> tuple[str, str]:
 def unit_ending(unit: str) -> str:
     """Return how a name ends that says a unit: ``_nm`` for ``N m`` or ``Nm``; empty for others."""
     folded = _folded(unit)
-    return next((f"_{ending}" for ending, known in _UNITS.items() if _folded(known) == folded), "")
+    return next(
+        (f"_{ending}" for ending, known in UNIT_ENDINGS.items() if _folded(known) == folded), ""
+    )
 
 
 def _folded(unit: str) -> str:

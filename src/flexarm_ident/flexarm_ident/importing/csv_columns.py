@@ -173,13 +173,14 @@ def with_units(mapping: CsvMap, layout: Layout) -> CsvMap:
 
     def told(channels: tuple[CsvChannel, ...]) -> tuple[CsvChannel, ...]:
         return tuple(
-            replace(each, unit=each.unit or _file_unit(each.column, layout)) for each in channels
+            replace(each, unit=each.unit or file_unit(each.column, layout)) for each in channels
         )
 
     return replace(mapping, inputs=told(mapping.inputs), outputs=told(mapping.outputs))
 
 
-def _file_unit(column: str, layout: Layout) -> str:
+def file_unit(column: str, layout: Layout) -> str:
+    """Return the unit that a file tells of a column, in its name or below it; else empty."""
     ending = _ENDING.search(column)
     own = (ending["square"] or ending["round"] or "") if ending else ""
     return own.strip() or layout.unit(column).strip("()[] ")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
@@ -180,6 +181,18 @@ def numbers_in(bag: Bag) -> str:
         )
         or "none"
     )
+
+
+def number_fields(bag: Bag) -> list[str]:
+    """Return every number of a bag as `parse_field` takes it, the elements of an array each."""
+    found = []
+    for topic in sorted(filter(bag.count, bag.types)):
+        with suppress(BagError):
+            for path in _numbers(bag.first(topic)):
+                array, dots, last = path.removesuffix("]").partition("[0..")
+                places = [f"{array}[{k}]" for k in range(int(last) + 1)] if dots else [path]
+                found += [f"{topic}.{place}" for place in places]
+    return found
 
 
 def _numbers_of_topic(bag: Bag, topic: str) -> str:

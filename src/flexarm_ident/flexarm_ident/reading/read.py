@@ -24,7 +24,7 @@ from flexarm_bags.reader import (
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.alignment import arm_alignment, io_alignment
 from flexarm_ident.reading.channels import selected
-from flexarm_ident.reading.fields import numbers_in
+from flexarm_ident.reading.fields import number_fields, numbers_in
 from flexarm_ident.reading.stream import BagStream
 from flexarm_ident.reading.told_changes import told_changes
 
@@ -161,6 +161,12 @@ def signals_told(uri: Path | str) -> str:
         names = f"{', '.join(info.inputs)} -> {', '.join(info.outputs)}"
         told += f"; without --input and --output it is read as {names}"
     return told
+
+
+def fields_of(uri: Path | str) -> list[str]:
+    """Return every number of a bag, as `channels.selection` takes it; errors as `signals_told`."""
+    with opened(Path(uri)) as bag:
+        return number_fields(bag)
 
 
 def read_channels(uri: Path | str, selection: Selection, *, wrap: float | None = None) -> IoData:

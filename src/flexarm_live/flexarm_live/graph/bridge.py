@@ -19,6 +19,7 @@ from flexarm_core.patience import slowness
 from flexarm_live.graph.about import about_arm
 from flexarm_live.graph.calls import Calls, SilentNodeError
 from flexarm_live.graph.chain import Chain, record_line
+from flexarm_live.graph.dropped import signals_of
 from flexarm_live.graph.jobs import Jobs
 from flexarm_live.graph.loop_nodes import LOOP_NODES, LoopNodes
 from flexarm_live.graph.node_parameters import NodeParameters
@@ -192,6 +193,10 @@ class Bridge:
         """Return the report of an identified model; None when there is none of that name."""
         return self._store.report(name)
 
+    def place_for(self, name: str) -> Path:
+        """Return where a dropped file goes; a `FlexarmError` refuses its name with a reason."""
+        return self._store.place_for(name)
+
     async def _on_stop(self) -> Answer:
         answer = await self._calls.call(
             Trigger, "emergency_stop", Trigger.Request(), _STOP_S, again_s=_STOP_AGAIN_S
@@ -315,6 +320,10 @@ class Bridge:
 
     async def _on_bags(self) -> Answer:
         return Answer(data={"bags": self._store.bags(), "models": self._store.models()})
+
+    async def _on_signals(self, bag: str) -> Answer:
+        # A log of hours has its first rows read all the same, and a bag its index.
+        return Answer(data=await asyncio.to_thread(signals_of, self._store.bag(bag)))
 
     async def _on_get(self, node: str = "") -> Answer:
         names = [node] if node else [each for each in _NODES if self._parameters(each).are_there]

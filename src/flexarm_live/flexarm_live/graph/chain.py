@@ -6,6 +6,7 @@ import asyncio
 import shlex
 import time
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from flexarm_control.laws.registry import LAWS
@@ -158,12 +159,14 @@ class Chain:
     def identification(self, bag: str, **asked: Any) -> Work:  # noqa: ANN401 - checked fields
         """Return the work of an identification of a record, with its files."""
         path, folder = self._store.bag(bag), self._store.model_folder(bag)
-        request = _identify_request(**asked)
         command = self.identification_line(bag, **asked)
+        signals = _taken_signals(asked)
+        request = _identify_request(**asked)
 
         async def work(report: Report) -> Mapping[str, Any]:
             about = {"bag": bag, "report": f"/report/{bag}", "command": command}
             job = {"bag": str(path), "folder": str(folder), "request": request, "about": about}
+            job["signals"] = signals
             found = await self._identifying.run(job, report)
             return {**found, "models": self._store.models()}
 
@@ -172,7 +175,8 @@ class Chain:
     def identification_line(self, bag: str, **asked: Any) -> str:  # noqa: ANN401 - checked fields
         """Return the command line of an identification."""
         path, folder = self._store.bag(bag), self._store.model_folder(bag)
-        return identify_line(path, folder, _identify_request(**asked))
+        signals = _taken_signals(asked)
+        return identify_line(path, folder, _identify_request(**asked), signals)
 
     def tuning(self, law: str, models: list[str], margins: Mapping[str, float]) -> Work:
         """Return the work of a tuning on models by their names."""
@@ -202,6 +206,11 @@ class Chain:
         ]
 
 
+def _taken_signals(asked: dict[str, Any]) -> dict[str, list[str]]:
+    """Take the signals that a page names of a record out of the fields of its request."""
+    return {name: asked.pop(name, []) for name in ("inputs", "outputs", "times")}
+
+
 def _identify_request(
     order: int = 0,
     method: str = "auto",
@@ -225,7 +234,12 @@ def record_line(bag: Path) -> str:
     return shlex.join([_COMMAND, "record", shown(bag)])
 
 
-def identify_line(bag: Path, folder: Path, request: Mapping[str, Any]) -> str:
+def identify_line(
+    bag: Path,
+    folder: Path,
+    request: Mapping[str, Any],
+    signals: Mapping[str, Sequence[str]] = MappingProxyType({}),
+) -> str:
     """Return the command line of an identification.
 
     Parameters
@@ -236,8 +250,12 @@ def identify_line(bag: Path, folder: Path, request: Mapping[str, Any]) -> str:
         Folder of the results.
     request : mapping
         Fields of a `Request`; those that are left open are no options.
+    signals : mapping
+        What the page names of the record: ``inputs``, ``outputs``, ``times``.
     """
     words = [_COMMAND, "identify", shown(bag), "-o", shown(folder)]
+    for name, texts in signals.items():
+        words += [word for text in texts for word in (f"--{name.removesuffix('s')}", text)]
     for name, value in request.items():
         if name == "known_modes_hz":
             words += [word for hz in value for word in ("--known-mode", f"{hz:g}")]

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from flexarm_bags.metadata import FILE_NAME
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
+from flexarm_ident.importing.csv_layout import is_table
 from flexarm_ident.job import MODEL_FILE, REPORT_FILE
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 _MODELS = "models"
+_DROPPED = "dropped"
+_BAG_FILES = frozenset({".mcap", ".db3"})
+_LONGEST_NAME = 200
 
 
 class Store:
@@ -29,13 +30,45 @@ class Store:
 
     def bags(self) -> list[str]:
         """Return the names of the records, newest first."""
-        found = self.folder.glob(f"*/{FILE_NAME}") if self.folder.is_dir() else ()
-        by_age = sorted(found, key=lambda file: file.stat().st_mtime, reverse=True)
-        return [file.parent.name for file in by_age]
+        return list(self._records())
 
     def bag(self, name: str) -> Path:
-        """Return the folder of a record; a `FlexarmError` for a name that is none."""
-        return self.folder / _known("record", name, self.bags())
+        """Return the place of a record; a `FlexarmError` for a name that is none."""
+        records = self._records()
+        return records[_known("record", name, list(records))]
+
+    def _records(self) -> dict[str, Path]:
+        """Return the places of all records by their names, newest first."""
+        bags = [file.parent for file in self.folder.glob(f"*/{FILE_NAME}")]
+        bags += [file.parent for file in self.folder.glob(f"{_DROPPED}/*/{FILE_NAME}")]
+        files = [each for each in self.folder.glob(f"{_DROPPED}/*") if _is_record_file(each)]
+        by_age = sorted((*bags, *files), key=lambda place: place.stat().st_mtime, reverse=True)
+        return {place.name: place for place in by_age}
+
+    def place_for(self, name: str) -> Path:
+        """Return where a file goes that is dropped on the page: in a folder of such files alone.
+
+        Parameters
+        ----------
+        name : str
+            Name of a CSV file or of a file of a bag, or ``BAG/FILE`` for one in a bag's folder.
+
+        Raises
+        ------
+        FlexarmError
+            When the name leaves that folder, is that of no record, or is taken by one of the arm.
+        """
+        parts = name.split("/")
+        if len(parts) > 2 or not all(map(_is_plain, parts)):  # noqa: PLR2004 - folder and file
+            raise FlexarmError(f"{name[:50]!r}: drop a file, or a bag's folder, with a plain name")
+        if len(parts) == 1 and not _is_record_file(Path(name)):
+            raise FlexarmError(
+                f"{name}: drop a CSV file or a bag (.mcap, .db3 or its folder); "
+                "save a spreadsheet as CSV"
+            )
+        if (self.folder / parts[0] / FILE_NAME).exists():
+            raise FlexarmError(f"{parts[0]}: a record of the arm has that name: rename the file")
+        return self.folder.joinpath(_DROPPED, *parts)
 
     def models(self) -> list[str]:
         """Return the names of the identified models."""
@@ -56,6 +89,20 @@ class Store:
             return None
         file = self.model_folder(name) / REPORT_FILE
         return file.read_bytes() if file.is_file() else None
+
+
+def _is_record_file(path: Path) -> bool:
+    return is_table(path) or path.suffix in _BAG_FILES
+
+
+def _is_plain(part: str) -> bool:
+    """Return whether a name is one of a file that is seen, in any folder."""
+    return (
+        0 < len(part.encode()) <= _LONGEST_NAME
+        and part.isprintable()
+        and part[0] != "."
+        and "\\" not in part
+    )
 
 
 def _known(kind: str, name: str, names: list[str]) -> str:

@@ -1,6 +1,7 @@
 // The chain from a record to a tuned law: its stages, its jobs, and the first two stages.
 
 import { attempt, byId, element, fillMenu, tell, write } from "./dom.js";
+import { Signals, wireDrop } from "./drop.js";
 
 const STAGES = ["record", "identify", "model", "tune", "step"];
 
@@ -143,7 +144,13 @@ export class Chain {
     this.#wireRecord();
     const { inputs, outputs } = hello.rig;
     write(byId("signals"), `From ${listed(inputs)} to ${listed(outputs)}.`);
+    this.signals = new Signals(link, () => this.#tellIdentify());
     for (const id of ["bag", "method", "order_wanted"]) byId(id).onchange = () => this.#tellIdentify();
+    wireDrop(link, async (bag) => {
+      this.signals.forget();
+      await this.refreshBags(bag);
+      showStage("identify");
+    });
     byId("identify").onclick = () => attempt(() => this.identify({}));
     this.refreshBags();
   }
@@ -170,6 +177,7 @@ export class Chain {
   async identify(wish) {
     const fields = { ...this.#wanted, ...wish };
     if (fields.bag === "") throw new Error("identify: there is no record; make one in the stage Record");
+    if (!this.signals.areNamed) throw new Error("identify: choose an input and an output among the signals");
     const data = await this.jobs.run("identify", fields, (model) => {
       showCommand("identify", model.command);
       this.identified(model);
@@ -210,11 +218,15 @@ export class Chain {
   }
 
   get #wanted() {
-    return { bag: byId("bag").value, method: byId("method").value, order: Number(byId("order_wanted").value) };
+    return { bag: byId("bag").value, method: byId("method").value, order: Number(byId("order_wanted").value), ...this.signals.fields };
   }
 
   #tellIdentify() {
-    const wanted = this.#wanted;
-    attempt(() => askCommand(this.link, "identify", "identify", wanted.bag === "" ? null : wanted));
+    attempt(async () => {
+      await this.signals.show(byId("bag").value);
+      const wanted = this.#wanted;
+      const isWhole = wanted.bag !== "" && this.signals.areNamed;
+      await askCommand(this.link, "identify", "identify", isWhole ? wanted : null);
+    });
   }
 }

@@ -18,10 +18,10 @@ export class Link extends EventTarget {
   #stopSocket = null;
   #stopWaits = false;
 
-  /** `stopUrl` is null for a page that may not command. */
-  constructor(url, stopUrl = null) {
+  /** `stopUrl` is null for a page that may not command; at `dropUrl` a file is sent. */
+  constructor(url, stopUrl, dropUrl) {
     super();
-    Object.assign(this, { url, stopUrl });
+    Object.assign(this, { url, stopUrl, dropUrl });
     this.#connect();
   }
 
@@ -63,6 +63,11 @@ export class Link extends EventTarget {
     const { job } = await this.request(verb, fields);
     began(job);
     return new Promise((resolve, reject) => this.#jobs.set(job, { verb, news, resolve, reject }));
+  }
+
+  /** Return a connection for the pieces of one file, and a text at its end; it answers once. */
+  dropSocket(name) {
+    return new WebSocket(`${this.dropUrl}name=${encodeURIComponent(name)}`);
   }
 
   #connect() {

@@ -23,6 +23,7 @@ const query = token === null ? "" : `?token=${encodeURIComponent(token)}`;
 const link = new Link(
   `${scheme}://${location.host}/live${query}`,
   token === null ? null : `${scheme}://${location.host}/stop${query}`,
+  `${scheme}://${location.host}/drop${query ? `${query}&` : "?"}`,
 );
 
 /** The laboratory as the page shows it; null before its greeting. */

@@ -9,10 +9,13 @@ from flexarm_core.errors import FlexarmError, one_line
 from flexarm_live.serving.access import Role
 from flexarm_live.serving.laboratory import Answer
 from flexarm_live.serving.limits import MOST_AT_WORK
+from flexarm_live.serving.received_file import receive_file
 from flexarm_live.serving.requests import Needs, RequestError, parse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+
+    from websockets.asyncio.server import ServerConnection
 
     from flexarm_live.serving.laboratory import Laboratory
     from flexarm_live.serving.requests import Request
@@ -130,6 +133,18 @@ class Desk:
             _LOGGER.exception("a request failed")
             return _reply(number, ok=False, message="internal error, see the log of the node live")
         return _reply(number, ok=True, message=message, data=data)
+
+    async def take_file(
+        self, connection: ServerConnection, name: str, role: Role
+    ) -> dict[str, Any]:
+        """Take a file that is dropped on the page and return the reply with the record's name."""
+        try:
+            if role is Role.VIEWER:
+                raise RequestError("this page may only look on; open the address with its token")
+            await receive_file(connection, self._laboratory.place_for(name))
+        except FlexarmError as error:
+            return _reply(0, ok=False, message=one_line(error))
+        return _reply(0, ok=True, message="", data={"bag": name.partition("/")[0]})
 
     def _require(self, request: Request, client: str, role: Role) -> None:
         """Refuse a client without the right, and give it the hand where it needs that."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from flexarm_live.serving.requests import Request
 
@@ -31,6 +32,9 @@ class Laboratory(Protocol):
 
     async def carry_out(self, request: Request) -> Answer:
         """Carry out a request; a `FlexarmError` refuses it with a reason."""
+
+    def place_for(self, name: str) -> Path:
+        """Return where a dropped file goes; a `FlexarmError` refuses its name with a reason."""
 
     def report(self, name: str) -> bytes | None:
         """Return the report of an identified model; None when there is none of that name."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import deque
 
 LARGEST_MESSAGE = 64_000
+LARGEST_FILE = 200_000_000
+"""Bytes of a file that is dropped on the page, in messages of the above size."""
 MOST_A_SECOND = 200
 MOST_WAITING = 4_000_000
 """Bytes that wait for a client before it is dropped, beside the buffers of the system."""

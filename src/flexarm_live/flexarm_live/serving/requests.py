@@ -148,6 +148,10 @@ _IDENTIFICATION = {
     "method": Field("text", required=False),
     "reduced_order": _OPTIONAL_COUNT,
     "known_modes_hz": Field("numbers", required=False),
+    # Of a record that was dropped on the page.
+    "inputs": Field("texts", required=False),
+    "outputs": Field("texts", required=False),
+    "times": Field("texts", required=False),
 }
 _TUNING = {
     "law": Field("text"),
@@ -161,6 +165,7 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
         "status": Verb(Needs.NOTHING),
         "get": Verb(Needs.NOTHING, {"node": Field("text", required=False)}),
         "bags": Verb(Needs.NOTHING),
+        "signals": Verb(Needs.NOTHING, {"bag": Field("text")}),
         "stop": Verb(Needs.TOKEN),
         "hold": Verb(Needs.TOKEN),
         "let_go": Verb(Needs.TOKEN),

@@ -8,6 +8,7 @@ import time
 from contextlib import suppress
 from itertools import count
 from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qs
 
 from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
@@ -22,7 +23,7 @@ from flexarm_live.serving.limits import (
     Outbox,
     RateLimit,
 )
-from flexarm_live.serving.web import STOP, address_of
+from flexarm_live.serving.web import DROP, STOP, address_of
 
 if TYPE_CHECKING:
     import socket
@@ -204,6 +205,9 @@ class Server:
         if address.path == STOP:
             await self._on_stop_page(page, connection)
             return
+        if address.path == DROP:
+            await self._on_drop(page, connection, parse_qs(address.query).get("name", [""])[0])
+            return
         page.post(as_json(await self._desk.hello(page.role)))
         page.post(as_json(self._desk.state(page.name)))
         self._pages.add(page)
@@ -227,6 +231,12 @@ class Server:
             self._stops.discard(page)
             sending.cancel()
             self._desk.leave(page.name)
+
+    async def _on_drop(self, page: _Page, connection: ServerConnection, name: str) -> None:
+        """Write a file that is dropped on the page, and answer once."""
+        with suppress(ConnectionClosed):
+            reply = await self._desk.take_file(connection, name, page.role)
+            await connection.send(as_json(reply))
 
     async def _listen(self, page: _Page, connection: ServerConnection) -> None:
         rate = RateLimit()

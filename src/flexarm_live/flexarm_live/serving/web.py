@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from http import HTTPStatus
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 from websockets.datastructures import Headers
 from websockets.http11 import Response
@@ -22,6 +22,8 @@ LIVE = "/live"
 """Path of the WebSocket."""
 STOP = "/stop"
 """Path of a WebSocket for the stop alone: nothing waits in it before the stop or its answer."""
+DROP = "/drop"
+"""Path of a WebSocket for one file that is dropped on the page."""
 _REPORT = "/report/"
 _INDEX = "index.html"
 _PAGE_POLICY = (
@@ -72,7 +74,7 @@ class Web:
         address = _parts(request.path)
         if address is None:
             return _text(HTTPStatus.BAD_REQUEST, "no address")
-        if address.path not in {LIVE, STOP}:
+        if address.path not in {LIVE, STOP, DROP}:
             return self._file(address.path)
         if role_of(address.query, self.token, view_only=self.view_only) is None:
             return _text(
@@ -84,7 +86,7 @@ class Web:
 
     def _file(self, path: str) -> Response:
         if path.startswith(_REPORT):
-            report = self._report(path.removeprefix(_REPORT))
+            report = self._report(unquote(path.removeprefix(_REPORT)))
             if report is not None:
                 return _response(HTTPStatus.OK, report, "text/html; charset=utf-8", _REPORT_POLICY)
         file = self._files.get(path.removeprefix("/") or _INDEX)

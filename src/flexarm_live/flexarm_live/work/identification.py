@@ -10,7 +10,10 @@ import numpy as np
 
 from flexarm_ident.diagnostics.stabilisation import Criteria
 from flexarm_ident.estimation.physical_modes import standing_of
+from flexarm_ident.importing.csv_columns import TableColumns
+from flexarm_ident.importing.csv_layout import is_table
 from flexarm_ident.job import identify_bags, read_record
+from flexarm_ident.reading.channels import selection
 from flexarm_ident.workflow.request import Request
 from flexarm_live.work.process import serve
 
@@ -33,6 +36,7 @@ def identified(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
     """Identify a record, tell what a page shows of it, and write model and report."""
     known_modes_hz = tuple(asked["request"].get("known_modes_hz", ()))
     request = Request(**asked["request"] | {"known_modes_hz": known_modes_hz})
+    signals = {name: tuple(texts) for name, texts in asked["signals"].items()}
     shown: dict[str, Any] = {}
 
     def show(name: str, outcome: Outcome) -> None:
@@ -43,7 +47,7 @@ def identified(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
         [Path(asked["bag"])],
         Path(asked["folder"]),
         request,
-        read=lambda bag, *_: _record(bag, bag.stat().st_mtime_ns),
+        read=lambda bag, *_: _record(bag, bag.stat().st_mtime_ns, **signals),
         found=show,
         progress=report,
     )
@@ -51,9 +55,18 @@ def identified(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=1)
-def _record(bag: Path, _written_ns: int) -> Source:
+def _record(
+    bag: Path,
+    _written_ns: int,
+    inputs: tuple[str, ...] = (),
+    outputs: tuple[str, ...] = (),
+    times: tuple[str, ...] = (),
+) -> Source:
     """Return a record, which is read once: another order is asked for again and again."""
-    return read_record(bag, Request(), None)
+    if is_table(bag):
+        return read_record(bag, Request(), TableColumns(inputs, outputs, times))
+    chosen = selection(inputs, outputs) if inputs or outputs else None
+    return read_record(bag, Request(), chosen)
 
 
 def curves(outcome: Outcome) -> dict[str, Any]:

@@ -64,6 +64,13 @@ def test_line_of_an_identification___is_taken_by_the_verb(request_: dict[str, An
     )
 
 
+def test_line_of_an_identification_of_named_signals___is_taken_by_the_verb() -> None:
+    signals = {"inputs": ["u_v=my u"], "outputs": ["y", "z"], "times": ["t", "200Hz"]}
+    line = identify_line(Path("/a b/my run.csv"), Path("/a b/models"), {}, signals)
+    found = taken(identify, line)
+    assert {name: list(found[name]) for name in signals} == signals
+
+
 def test_line_of_a_record___is_taken_by_the_verb() -> None:
     found = taken(record, record_line(Path("/a b/bag")))
     assert found["bag"] == Path("/a b/bag")

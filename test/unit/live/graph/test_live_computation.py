@@ -23,6 +23,9 @@ SLOW = """
 import os, signal, time
 from flexarm_live.work.process import serve
 
+NO_SIGNALS: dict[str, list[str]] = {"inputs": [], "outputs": [], "times": []}
+
+
 def compute(asked, report):
     if asked.get("deaf"):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -120,7 +123,8 @@ def test_identification___tells_its_model_before_the_report___and_leaves_nothing
     bag = tmp_path / "run1"
     shutil.copytree(BAGS / "c_dat3_0g", bag)
     folder = tmp_path / "models" / "run1"
-    asked = {"bag": str(bag), "folder": str(folder), "about": {"command": "identify"}}
+    about = {"command": "identify"}
+    asked = {"bag": str(bag), "folder": str(folder), "about": about, "signals": {}}
     models: list[dict[str, Any]] = []
 
     def leftovers() -> list[Path]:

@@ -144,7 +144,7 @@ def test_request___through_a_tunnel___is_answered(live: LiveServer, host: str) -
         "//etc/passwd",
         "/report/../arm",
         "/report/",
-        "/report/%61rm",
+        "/report/%2e%2e%2farm",
         "/index.html%00.js",
         "/live/../index.html",
         "/__init__.py",

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
 import pytest
 
 from flexarm_ident.models.modes import Mode
-from flexarm_live.work.identification import kind_of
+from flexarm_live.work.identification import identified, kind_of
 from support.recurring_modes import NEIGHBOURS
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def pair(frequency_hz: float, damping_ratio: float) -> Mode:
@@ -29,3 +36,31 @@ def test_kind_of_a_mode___is_that_of_the_report(
     frequency_hz: float, damping_ratio: float, kind: str
 ) -> None:
     assert kind_of(pair(frequency_hz, damping_ratio), NEIGHBOURS) == kind
+
+
+def test_csv_file___with_named_signals___has_the_mode_of_its_oscillator(tmp_path: Path) -> None:
+    dt_s, hz, damping = 0.01, 5.0, 0.02
+    pole = np.exp(2.0 * math.pi * hz * dt_s * (-damping + 1j * math.sqrt(1.0 - damping**2)))
+    random = np.random.default_rng(5)
+    u = random.choice([-1.0, 1.0], 1500)
+    y = np.zeros(1500)
+    for k in range(2, 1500):
+        y[k] = 2.0 * pole.real * y[k - 1] - abs(pole) ** 2 * y[k - 2] + u[k - 1]
+    y += 1e-3 * random.standard_normal(1500)
+    file = tmp_path / "log.csv"
+    rows = zip(dt_s * np.arange(1500), u, y, strict=True)
+    file.write_text("time,drive,tip\n" + "".join(f"{t:.2f},{a:g},{b:.6f}\n" for t, a, b in rows))
+    shown = identified(
+        {
+            "bag": str(file),
+            "folder": str(tmp_path / "model"),
+            "request": {"method": "auto", "order": 2},
+            "signals": {"inputs": ["drive_v=drive"], "outputs": ["tip_rad=tip"], "times": []},
+            "about": {},
+        },
+        lambda *_: None,
+    )
+    assert shown["outputs"] == ["tip_rad"]
+    (mode,) = shown["modes"]
+    assert mode["frequency_hz"] == pytest.approx(hz, rel=1e-3)
+    assert mode["damping"] == pytest.approx(damping, rel=0.05)
