@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -281,12 +283,13 @@ def identify(
     show_default=True,
     help="HTML file.",
 )
+@click.option("--open", "opens", is_flag=True, help="Open the report in a browser.")
 @_MAP
 @channel_options
 @_request_options
 @FORCE
 @examples(
-    "report bags/c_dat3_0g",
+    "report bags/c_dat3_0g --open",
     "report bags/c_dat3_0g bags/c_dat3_400g -o both.html",
     "report out/before out/after bags/c_dat3_0g",
     "report bags/c_dat3_0g --reduction mrmc --known-mode 9.4 --known-mode 24 --known-mode 45",
@@ -296,6 +299,7 @@ def report(
     bags: tuple[Path, ...],
     out: Path,
     *,
+    opens: bool,
     map_file: Path | None,
     force: bool,
     **options: Any,  # noqa: ANN401
@@ -328,6 +332,7 @@ def report(
             )
             for line in (*lines, f"report in {out}"):
                 terminal.CONSOLE.print(line)
+            _open(out, opens=opens)
             return
         results = job.report_bags(
             bags,
@@ -339,6 +344,16 @@ def report(
             progress=show,
         )
     _show(results, f"report in {out}", "")
+    _open(out, opens=opens)
+
+
+def _open(page: Path, *, opens: bool) -> None:
+    """Open a page in the browser; without a display nothing, as one in text takes the terminal."""
+    has_display = sys.platform != "linux" or {"DISPLAY", "WAYLAND_DISPLAY"} & {*os.environ}
+    if opens and has_display:
+        import webbrowser  # noqa: PLC0415 - a rare way
+
+        webbrowser.open(page.absolute().as_uri())
 
 
 def _show(results: Results, written: str, command: str) -> None:

@@ -227,6 +227,26 @@ def test_report___file_without_suffix___is_refused_with_the_name_to_give(tmp_pat
     assert f"the report is one page: {tmp_path / 'arm.html'}" in refused.output
 
 
+@pytest.mark.parametrize("display", ["", ":0"])
+def test_report_open___of_a_comparison___opens_its_file_where_there_is_a_display(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, display: str
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    if display:
+        monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.setattr(
+        "flexarm_ident.series.comparison.compare_files", lambda *_, **__: ("two models",)
+    )
+    page = tmp_path / "both.html"
+    said = CliRunner().invoke(report, ["a", "b", "--open", "-o", str(page)])
+    assert said.exit_code == 0, said.output
+    assert opened == ([page.as_uri()] if display else [])
+
+
 def test_identify___into_a_bag___is_refused_before_the_work(tmp_path: Path) -> None:
     bag = tmp_path / "run"
     bag.mkdir()
