@@ -17,21 +17,25 @@ from flexarm_core.workers import Workers
 from reproduction.contents import all_subjects
 from reproduction.framework.computing import Store, reproduce
 from reproduction.framework.document import pages_of, write_document
-from reproduction.framework.findings import Verdict, count
 from reproduction.framework.selection import select
+from reproduction.framework.verdicts import Verdict, count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from reproduction.framework.computing import Outcome
-    from reproduction.framework.findings import Finding, Judgement, SideBySide
+    from reproduction.framework.findings import Finding, SideBySide
+    from reproduction.framework.verdicts import Judgement
 
 CACHE = Path("out/reproduction/cache")
 _COLOURS = {
     Verdict.AGREES: "green",
     Verdict.BY_CONSTRUCTION: "cyan",
-    Verdict.SAME_RANKING: "yellow",
+    Verdict.SAME_CONCLUSIONS: "cyan",
+    Verdict.PARTLY: "yellow",
     Verdict.DIFFERS: "red",
+    Verdict.NOT_COMPARABLE: "white",
+    Verdict.ELSEWHERE: "white",
     Verdict.OURS: "white",
 }
 

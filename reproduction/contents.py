@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reproduction.appendices import experiments, nominal_models, strain_sign
+from reproduction.calibration import sensitivity
 from reproduction.chapter2 import (
-    block_rows,
     claims,
     excitation,
     imperfections,
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 _MODULES = (
     *(excitation, tables, modes, validation, claims, imperfections),
-    *(sampling_rates, block_rows, thesis_way),
+    *(sampling_rates, thesis_way),
     *(ranks, costs, updated_models, figures, responses, reduction_claims),
     *(pi, pdp, pdpc, ilqr, ilqr_claims, ilqr_designs),
-    *(experiments, strain_sign, nominal_models),
+    *(experiments, strain_sign, nominal_models, sensitivity),
 )
 
 

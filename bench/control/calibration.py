@@ -8,7 +8,6 @@ stood and gives the same table.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,13 +17,10 @@ import numpy as np
 from bench.tools import count_option, json_option, make_table, write_json, write_table
 from flexarm_bringup.console import terminal
 from flexarm_core.workers import Workers
+from flexarm_daq import RigParameters
 from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
-from reproduction.calibration.figures import (
-    NOISES,
-    TRACKING,
-    parts,
-    unstable_order_of,
-)
+from reproduction.calibration.figures import NOISES, parts, unstable_order_of
+from reproduction.calibration.points import CHAPTERS, Point, summed
 from reproduction.chapter4.pdpc import ZERO_ERROR_V
 from reproduction.framework.computing import Store, computed
 from reproduction.framework.findings import SEEDS, Call
@@ -33,17 +29,11 @@ from reproduction.framework.study_rig import STUDY_RIG
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from reproduction.calibration.figures import Changes, Figure
-
-    Value = float | tuple[float, ...]
+    from reproduction.calibration.figures import Changes
+    from reproduction.calibration.points import Value
 
 CACHE = Path("out/calibration")
 PAGE = Path(__file__).parents[2] / "docs" / "rig.md"
-CHAPTERS = ("2", "3", "4", "B")
-FACTOR = 1.5
-"""A figure agrees within this, as the errors of Table 2-4 do."""
-FARTHEST = 3.0
-"""Beyond so many times the logarithm of `FACTOR` nothing is gained by coming a little nearer."""
 WORTH = 0.005
 """A step pays when the mean distance falls by more."""
 _GAUGE_NOISE_V = ((0.2, 0.1), (0.4, 0.2), (0.7, 0.45), (1.0, 0.7))
@@ -61,60 +51,7 @@ GRID: Mapping[str, tuple[Value, ...]] = {
     "hum_v": tuple((0.0, *gauges, 0.0) for gauges in _GAUGE_HUM_V),
 }
 """Values of each parameter: inertia and beam stay as the modes fix them."""
-
-
-@dataclass(frozen=True)
-class Point:
-    """A rig and how near its figures lie.
-
-    Attributes
-    ----------
-    changes : dict
-        Values of the parameters of the `GRID`.
-    within : dict
-        Figures within `FACTOR`, by chapter.
-    figures : dict
-        Number of figures, by chapter.
-    distance : float
-        How far the figures lie off, in logarithms of `FACTOR`: mean of each chapter, and of these.
-    tracking_v : float
-        Largest tracking error of PDPC.
-    """
-
-    changes: Mapping[str, Value]
-    within: Mapping[str, int]
-    figures: Mapping[str, int]
-    distance: float
-    tracking_v: float
-
-    @property
-    def total(self) -> int:
-        """Figures within `FACTOR`, of all chapters."""
-        return sum(self.within.values())
-
-
-def distance(figure: Figure) -> float:
-    """Return how far a figure lies from the thesis's, in logarithms of `FACTOR`."""
-    if abs(figure.ours - figure.thesis) <= figure.slack:
-        return 0.0
-    if min(figure.ours, figure.thesis) <= 0.0:
-        return FARTHEST
-    return min(float(abs(np.log(figure.ours / figure.thesis)) / np.log(FACTOR)), FARTHEST)
-
-
-def summed(changes: Mapping[str, Value], figures: Sequence[Figure]) -> Point:
-    """Sum the figures of a rig up."""
-    far = {
-        chapter: [distance(each) for each in figures if each.chapter == chapter]
-        for chapter in CHAPTERS
-    }
-    return Point(
-        changes,
-        {chapter: sum(each <= 1.0 for each in some) for chapter, some in far.items()},
-        {chapter: len(some) for chapter, some in far.items()},
-        float(np.mean([np.mean(some) for some in far.values()])),
-        max(each.ours for each in figures if each.name.startswith(TRACKING)),
-    )
+_START = RigParameters(noise_v=THESIS_NOISE_V)
 
 
 def search(
@@ -250,10 +187,10 @@ def main(
     docs: bool,
     json_file: Path | None,
 ) -> None:
-    """Look for a better rig from that of the study, and print what each parameter does."""
+    """Look for a better rig from the default one, and print what each parameter does."""
     bench = Bench(seeds, jobs)
     grid = {name: values for name, values in GRID.items() if name in (names or GRID)}
-    start = {name: getattr(STUDY_RIG, name) for name in GRID}
+    start = {name: getattr(_START, name) for name in GRID}
     best, measured = search(start, bench.measure, bench.is_defined, grid, passes)
     rows = effects(best, measured)
     table = make_table(*HEADINGS, words=2)
@@ -274,7 +211,10 @@ HEADINGS = (
 
 def effects(best: Point, measured: Sequence[Point]) -> list[tuple[str, ...]]:
     """Return rows of the start, the best rig, and those beside it: each has one other parameter."""
-    rows = [_row("start: the study's rig", "", measured[0]), _row("best found", "", best)]
+    rows = [
+        _row("start: the default rig, with noise", "", measured[0]),
+        _row("best found", "", best),
+    ]
     for name in best.changes:
         others = {key: value for key, value in best.changes.items() if key != name}
         rows += [

@@ -16,12 +16,12 @@ from reproduction.framework.findings import (
     Finding,
     SideBySide,
     Subject,
-    judged,
     prose,
     subject,
     thesis_table,
 )
 from reproduction.framework.rig import simulated_record
+from reproduction.framework.verdicts import exactly, judged
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -160,8 +160,7 @@ def compare(number: int, facts: tuple[RecordFacts, ...], check: Check, note: str
     compared = sum(map(len, checked.values()))
     return Finding(
         judged(
-            agrees=not wrong,
-            same_ranking=False,
+            statements=(exactly("every entry is that of the thesis", holds=not wrong),),
             evidence=f"{compared - len(wrong)} of {compared} entries are those of the thesis.",
             reason="Other are: " + "; ".join(wrong) + ".",
             by_construction=True,

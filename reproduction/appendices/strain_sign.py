@@ -16,17 +16,18 @@ from reproduction.framework.findings import (
     Finding,
     SideBySide,
     Subject,
-    judged,
     prose,
     subject,
     thesis_table,
 )
+from reproduction.framework.verdicts import Beside, exactly, judged
 
 if TYPE_CHECKING:
     from reproduction.framework.findings import Results
 
 CROSSINGS_FROM_HZ = 0.2
 """Below it the printed slow poles, known to four decimals, add crossings without meaning."""
+_GAINS = ("kp", "kd", "ksg")
 Pairs: TypeAlias = tuple[tuple[float, float], ...]
 """Gain margin in dB and phase margin in degrees, per payload."""
 
@@ -68,11 +69,13 @@ def compare(found: tuple[Examined, ...]) -> Finding:
     values = thesis_table("appendix_b")
     printed, turned = found
     kept = _kept(printed, values)
-    distances = [_distance(each, values["optimum"]) for each in found]
+    distances = [_gains_beside(each, values["optimum"]).distance for each in found]
     return Finding(
         judged(
-            agrees=kept == len(printed.slow) and distances[0] <= CLOSE,
-            same_ranking=kept == len(printed.slow),
+            figures=(_gains_beside(printed, values["optimum"]),),
+            statements=(
+                exactly("the thesis's gains keep its margins", holds=kept == len(printed.slow)),
+            ),
             evidence=f"On the printed models the gains of Table 4-2 keep the margins of section "
             f"4.2 for {kept} of {len(printed.slow)} payloads, and the best gains are "
             f"{_gains(printed)}.",
@@ -81,6 +84,11 @@ def compare(found: tuple[Examined, ...]) -> Finding:
         tables=(_margin_table(found, values), _gain_table(found, values["optimum"])),
         text=(prose("appendix-b.text"),),
     )
+
+
+def _gains_beside(found: Examined, optimum: dict[str, float]) -> Beside:
+    ours = (found.kp, found.kd, found.ksg)
+    return Beside("best gains", tuple(optimum[name] for name in _GAINS), ours, 1.0 + CLOSE)
 
 
 def _reason(turned: Examined, *, nearer: bool) -> str:
@@ -93,13 +101,6 @@ def _reason(turned: Examined, *, nearer: bool) -> str:
 
 def _gains(found: Examined) -> str:
     return f"{found.kp:.2f}, {found.kd:.2f}, {found.ksg:.3f}"
-
-
-def _distance(found: Examined, optimum: dict[str, float]) -> float:
-    """Return the largest relative distance of the three gains."""
-    ours = np.array([found.kp, found.kd, found.ksg])
-    thesis = np.array([optimum["kp"], optimum["kd"], optimum["ksg"]])
-    return float(np.abs(ours / thesis - 1.0).max())
 
 
 def _kept(found: Examined, values: dict[str, Any]) -> int:

@@ -10,18 +10,14 @@ from flexarm_daq.experiments.catalogue import catalogue
 from reproduction.chapter2.order_survey import ORDERS
 from reproduction.chapter2.tables import METHOD_TEXT, leaving_text, survey_calls, survey_of
 from reproduction.framework.findings import (
-    LEVEL,
     Finding,
-    Judgement,
     SideBySide,
-    judged,
-    p_text,
     prose,
-    sign_test,
     spread,
     subject,
     thesis_table,
 )
+from reproduction.framework.verdicts import Judgement, all_of, judged, less, p_text, sign_test
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -29,7 +25,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from reproduction.chapter2.order_survey import OrderSurvey
-    from reproduction.framework.findings import Figures, Results
+    from reproduction.framework.findings import Results
+    from reproduction.framework.verdicts import Figures
 
     Figure = Callable[[OrderSurvey], NDArray[np.float64]]
 
@@ -102,24 +99,21 @@ def _waveforms(results: Results) -> Finding:
 def waveform_judgement(errors: Mapping[str, Figures]) -> Judgement:
     """Judge whether the square wave gives the least errors, and the random one the largest."""
     middle = {name: float(np.median(each)) for name, each in errors.items()}
-    others = [name for name in errors if name != "square"]
-    square_p = max(sign_test(errors["square"], errors[name]) for name in others)
-    random_p = max(sign_test(errors[name], errors["random"]) for name in errors if name != "random")
-    best, worst = square_p < LEVEL, random_p < LEVEL
     ranking = sorted(middle, key=lambda name: middle[name])
     return judged(
-        agrees=best and worst,
-        same_ranking=best,
-        evidence=f"From the best to the worst: {', '.join(ranking)}. The square wave "
-        f"{'is' if best else 'is not'} better than each other one ({p_text(square_p)} at "
-        f"most). The random one {'is' if worst else 'is not'} worse than each other one"
-        + (
-            "."
-            if worst
-            else f" ({p_text(random_p)}): the {ranking[-1]} one is. Friction costs it most: "
-            "claim 2-7 shows its error without noise."
+        statements=(
+            all_of(
+                "the square wave is better than each other one",
+                [less("", errors["square"], errors[each]) for each in errors if each != "square"],
+            ),
+            all_of(
+                "the random one is worse than each other one",
+                [less("", errors[each], errors["random"]) for each in errors if each != "random"],
+            ),
         ),
-        reason="On our rig another waveform excites the arm better.",
+        evidence=f"From the best to the worst: {', '.join(ranking)}.",
+        reason=f"On our rig the {ranking[-1]} one is the worst: friction costs it most, and claim "
+        "2-7 shows its error without noise.",
     )
 
 
@@ -157,21 +151,15 @@ def bounded_judgement(
     leaving: str,
 ) -> Judgement:
     """Judge two claims: bounded experiments give stable models, constant magnitude good ones."""
-    stable_p, error_p = sign_test(stable_open, stable_bounded), sign_test(constant, random)
-    easier, better = stable_p < LEVEL, error_p < LEVEL
     return judged(
-        agrees=easier and better,
-        same_ranking=better,
-        evidence=f"A constant magnitude {'gives' if better else 'does not give'} the smaller "
-        f"error, {np.median(constant):.3f} beside {np.median(random):.3f} ({p_text(error_p)}). "
-        f"That a stable model is easier to obtain than in the open loop "
-        + (
-            f"holds ({p_text(stable_p)})."
-            if easier
-            else f"does not hold: {np.median(stable_bounded):.1f} stable orders beside "
-            f"{np.median(stable_open):.1f}. {leaving}"
+        statements=(
+            less("a stable model is easier than in the open loop", stable_open, stable_bounded),
+            less("a constant magnitude gives the smaller error", constant, random),
         ),
-        reason="On our rig a random magnitude excites the arm better.",
+        evidence=f"Stable orders: {np.median(stable_bounded):.1f} beside "
+        f"{np.median(stable_open):.1f}; errors: {np.median(constant):.3f} beside "
+        f"{np.median(random):.3f}.",
+        reason=leaving,
     )
 
 
@@ -196,15 +184,13 @@ def stability_judgement(
     open_loop: Figures, closed: Figures, bare: Figures, *, leaving: str
 ) -> Judgement:
     """Judge whether the closed loop gives more stable orders, on the whole and without payload."""
-    all_p, bare_p = sign_test(open_loop, closed), sign_test(open_loop, bare)
+    bare_p = sign_test(open_loop, bare)
     return judged(
-        agrees=all_p < LEVEL,
-        same_ranking=bare_p < LEVEL,
-        evidence=f"Without payload, like with like: {np.median(bare):.1f} stable orders in the "
-        f"closed loop, {np.median(open_loop):.1f} in the open one ({p_text(bare_p)}). All "
-        f"closed-loop experiments: {np.median(closed):.1f} ({p_text(all_p)})."
-        + ("" if all_p < LEVEL else f" It does not hold with payloads: {leaving}"),
-        reason="Friction puts the slow pole of our rig outside the unit circle in either loop.",
+        statements=(less("a stable model is easier than in the open loop", open_loop, closed),),
+        evidence=f"All closed-loop experiments have {np.median(closed):.1f} stable orders, the "
+        f"open loop {np.median(open_loop):.1f}; without payload, like with like, "
+        f"{np.median(bare):.1f} ({p_text(bare_p)}).",
+        reason=leaving,
     )
 
 
@@ -248,25 +234,21 @@ def accuracy_judgement(
 ) -> Judgement:
     """Judge the closed loop: better position, better set-point following, worse data matching."""
     compared = {
-        "position": (position, "open loop"),
-        "set-point following": (following, "open loop"),
-        "data matching": (matching, "open loop, square wave"),
+        "the position is better": (position, "open loop"),
+        "set-point following is better": (following, "open loop"),
+        "data matching is worse": (matching, "open loop, square wave"),
     }
-    values = {
-        "position": sign_test(position["closed loop"], position["open loop"]),
-        "set-point following": sign_test(following["closed loop"], following["open loop"]),
-        "data matching": sign_test(matching["open loop, square wave"], matching["closed loop"]),
-    }
-    held = [name for name, p_value in values.items() if p_value < LEVEL]
+    statements = []
+    for words, (errors, other) in compared.items():
+        pair = (errors["closed loop"], errors[other])
+        statements.append(less(words, *(pair if errors is not matching else pair[::-1])))
     figures = "; ".join(
-        f"{name} {np.median(some['closed loop']):.3f} beside {np.median(some[other]):.3f} "
-        f"({p_text(values[name])})"
-        for name, (some, other) in compared.items()
+        f"{words}: {np.median(some['closed loop']):.3f} beside {np.median(some[other]):.3f}"
+        for words, (some, other) in compared.items()
     )
     return judged(
-        agrees=len(held) == len(values),
-        same_ranking="set-point following" in held,
-        evidence=f"Closed loop beside open loop: {figures}. Held: {', '.join(held) or 'none'}.",
+        statements=statements,
+        evidence=f"Closed loop beside open loop: {figures}.",
         reason="The closed loop moves our arm no better than the open one does.",
     )
 

@@ -12,18 +12,10 @@ from flexarm_core.channels import BOUND_V, DRIVE_A_PER_V, MAX_COMMAND_V
 from flexarm_daq import SimulatedRig
 from flexarm_daq.experiments.excitation import DIRECTION_HZ, VARYING_HZ
 from flexarm_ident.series.picture import DOTTED, SOLID, STYLE, figure_of, inline_svg
-from reproduction.framework.findings import (
-    Call,
-    Finding,
-    Plot,
-    SideBySide,
-    Subject,
-    judged,
-    prose,
-    subject,
-)
+from reproduction.framework.findings import Call, Finding, Plot, SideBySide, Subject, prose, subject
 from reproduction.framework.rig import simulated_record
 from reproduction.framework.study_rig import study_rig
+from reproduction.framework.verdicts import exactly, judged
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -131,8 +123,9 @@ def compare_drive(current_a: Sequence[float]) -> Finding:
     )
     return Finding(
         judged(
-            agrees=departure <= LINEAR,
-            same_ranking=bool(np.all(np.diff(current[inside]) > 0.0)),
+            statements=(
+                exactly("the current is proportional to the command", holds=departure <= LINEAR),
+            ),
             evidence=f"{slope:.3f} A/V, straight within {100.0 * departure:.2f} % of its range up "
             f"to {MAX_COMMAND_V:g} V, and {beyond:.2f} A beyond.",
             reason="The simulated drive is not linear.",
@@ -165,8 +158,10 @@ def compare_waveforms(signals: Sequence[Signal]) -> Finding:
     wrong = [name for name, ok in zip(_WAVEFORMS, right, strict=True) if not ok]
     return Finding(
         judged(
-            agrees=not wrong,
-            same_ranking=False,
+            statements=[
+                exactly(f"{name.partition(': ')[2]} is held and turns so", holds=ok)
+                for name, ok in zip(_WAVEFORMS, right, strict=True)
+            ],
             evidence=f"{sum(right)} of 4 waveforms hold the magnitude and turn as section 2.4.1 "
             f"says; the varying one at {varying.turning_hz.min():.2f} to "
             f"{varying.turning_hz.max():.2f} Hz.",
@@ -206,8 +201,10 @@ def compare_bounded(signals: Sequence[Signal]) -> Finding:
     wrong = [name for name, ok in zip(_BOUNDED, right, strict=True) if not ok]
     return Finding(
         judged(
-            agrees=not wrong,
-            same_ranking=False,
+            statements=[
+                exactly(f"{name.partition(': ')[2]} turns at the bounds", holds=ok)
+                for name, ok in zip(_BOUNDED, right, strict=True)
+            ],
             evidence=f"{sum(right)} of 2 signals begin towards the positive bound and turn in the "
             f"sample in which the position reaches {BOUND_V:g} V.",
             reason=f"Not so: {', '.join(wrong)}.",

@@ -11,21 +11,9 @@ from flexarm_ident.records.preprocess import preprocess
 from reproduction.chapter2.easier_rigs import least_error
 from reproduction.chapter2.order_survey import CUTOFF_HZ, best_error, prepared
 from reproduction.chapter2.tables import METHOD_TEXT, survey_calls, survey_of
-from reproduction.framework.findings import (
-    LEVEL,
-    SEEDS,
-    Call,
-    Finding,
-    Judgement,
-    SideBySide,
-    judged,
-    p_text,
-    prose,
-    sign_test,
-    spread,
-    subject,
-)
+from reproduction.framework.findings import SEEDS, Call, Finding, SideBySide, prose, spread, subject
 from reproduction.framework.rig import simulated_record
+from reproduction.framework.verdicts import Judgement, all_of, exactly, judged, less
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -69,18 +57,15 @@ def _imperfections(results: Results) -> Finding:
 def imperfection_judgement(errors: Mapping[str, Sequence[float]]) -> Judgement:
     """Judge whether noise and nonlinearity each cost accuracy, and nothing else does."""
     real = errors["as it is"]
-    linear_p = sign_test(errors["no friction, no backlash"], real)
-    quiet_p = sign_test(list(errors["no noise"]) * len(real), real)
     exact = errors["neither"][0]
-    medians = {name: float(np.median(each)) for name, each in errors.items()}
+    medians = ", ".join(f"{np.median(each):.3f} ({name})" for name, each in errors.items())
     return judged(
-        agrees=linear_p < LEVEL and quiet_p < LEVEL and exact <= EXACT,
-        same_ranking=linear_p < LEVEL or quiet_p < LEVEL,
-        evidence=f"The error is {medians['as it is']:.3f}; "
-        f"{medians['no friction, no backlash']:.3f} without friction and backlash "
-        f"({p_text(linear_p)}), {medians['no noise']:.3f} without noise ({p_text(quiet_p)}), "
-        f"{exact:.3f} without either: on a linear system the method is "
-        f"{'' if exact <= EXACT else 'not '}as good as exact.",
+        statements=(
+            less("noise costs accuracy", list(errors["no noise"]) * len(real), real),
+            less("friction and backlash do", errors["no friction, no backlash"], real),
+            exactly("on a linear system the method is effective", holds=exact <= EXACT),
+        ),
+        evidence=f"Errors: {medians}.",
         reason="Neither noise nor friction makes the error of our rig.",
     )
 
@@ -134,24 +119,18 @@ def _preparation(results: Results) -> Finding:
 
 def preparation_judgement(errors: Mapping[str, Sequence[Mapping[str, float]]]) -> Judgement:
     """Judge by the steps whose omission makes the error larger, by the exact sign test."""
-    values = {
-        (step, record): sign_test([each[ALL_STEPS] for each in some], [each[step] for each in some])
-        for step in STEPS
-        for record, some in errors.items()
-    }
-    helps = {step: [record for record in errors if values[step, record] < LEVEL] for step in STEPS}
-    always = [step for step, records in helps.items() if len(records) == len(errors)]
-    words = "; ".join(
-        f"{step}: {', '.join(f'{record} {p_text(values[step, record])}' for record in errors)}"
-        for step in STEPS
-    )
-    seldom = [step for step in STEPS if step not in always]
     return judged(
-        agrees=len(always) == len(STEPS),
-        same_ranking=all(helps.values()),
-        evidence=f"That leaving it out makes the model worse: {words}. It holds on both records "
-        f"for {', '.join(always) or 'none'}"
-        + (f", not on both for {', '.join(seldom)}." if seldom else "."),
+        statements=[
+            all_of(
+                f"without {step} the model is worse",
+                [
+                    less("", [each[ALL_STEPS] for each in some], [each[step] for each in some])
+                    for some in errors.values()
+                ],
+            )
+            for step in STEPS
+        ],
+        evidence=f"Judged on {' and '.join(errors)}, and it has to hold on both.",
         reason=prose("claim-2-6.reason"),
     )
 

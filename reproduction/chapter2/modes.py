@@ -21,27 +21,23 @@ from reproduction.chapter2.order_survey import (
     thesis_record,
 )
 from reproduction.framework.findings import (
-    LEVEL,
     OFTEN,
     SEEDS,
     SENSORS,
     Call,
     Finding,
-    Judgement,
     Plot,
     SideBySide,
     columns,
-    judged,
-    p_text,
     percent,
     prose,
-    sign_test,
     subject,
     thesis_table,
 )
 from reproduction.framework.plots import range_plot
 from reproduction.framework.rig import run_experiment
 from reproduction.framework.study_rig import study_rig
+from reproduction.framework.verdicts import Beside, Judgement, all_of, judged, less, mostly
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -149,7 +145,7 @@ def _table(results: Results) -> Finding:
         (
             name,
             _numbers(nearest(_PRINTED[name], printed_hz)),
-            _numbers(np.median([nearest(each, MODES_HZ) for each in ours.frequencies_hz], axis=0)),
+            _numbers(_nearest_hz(ours)),
             _shares(captured(ours, MODES_HZ)),
             _shares(captured(ours, BETWEEN_HZ)),
             _shares(ours.peaks),
@@ -198,41 +194,47 @@ def modes_judgement(
 
     `free` comes from the rig without friction and gear play, for the reason.
     """
-    absent = [
-        f"{name} mode {number} ({share:.0%})"
-        for name, each in found.items()
-        for number, share in enumerate(captured(each, MODES_HZ).mean(axis=0), start=1)
-        if share <= OFTEN
-    ]
-    lost = [
-        f"{name} mode {number} ({share:.0%})"
-        for name, each in found.items()
-        for number, share in enumerate(each.peaks.mean(axis=0), start=1)
-        if share <= OFTEN
-    ]
-    peaks = np.mean([each.peaks.mean(axis=1) for each in found.values()], axis=0)
-    chance = np.mean([each.chance.mean(axis=1) for each in found.values()], axis=0)
-    p_value = sign_test(chance, peaks)
+    near = {name: captured(each, MODES_HZ) for name, each in found.items()}
+    absent, lost = (
+        ", ".join(
+            f"{name} mode {number} ({share:.0%})"
+            for name, each in events.items()
+            for number, share in enumerate(each.mean(axis=0), start=1)
+            if share <= OFTEN
+        )
+        or "none"
+        for events in (near, {name: each.peaks for name, each in found.items()})
+    )
+    peaks, chance = (
+        np.mean([getattr(each, which).mean(axis=1) for each in found.values()], axis=0)
+        for which in ("peaks", "chance")
+    )
+    printed_hz = np.array(_PRINTED["analytic_hz"], dtype=float)
+    theirs = [hz for name in found for hz in nearest(_PRINTED[name], printed_hz).tolist()]
+    ours = [hz for each in found.values() for hz in _nearest_hz(each).tolist()]
     return judged(
-        agrees=not absent and not lost,
-        same_ranking=not absent and p_value < LEVEL,
-        evidence=f"An eigenvalue is near each mode in most seeds from "
-        f"{'not every' if absent else 'every'} waveform; the thesis's table has one everywhere. "
-        f"A gauge's response has a peak at a mode in "
-        f"{peaks.mean():.0%} of all cases, between the modes in {chance.mean():.0%} "
-        f"({p_text(p_value)}). "
-        + (
-            f"Peaks that are missing in most seeds: {', '.join(lost)}."
-            if lost
-            else "Every waveform brings out all three."
+        figures=(Beside("frequencies", tuple(theirs), tuple(ours), 1.0 + CAPTURED),),
+        statements=(
+            all_of(
+                "from every waveform an eigenvalue is near each mode",
+                [mostly("", column) for each in near.values() for column in each.T],
+            ),
+            less("gauges have peaks at the modes rather than between them", chance, peaks),
         ),
+        evidence=f"A gauge's response has a peak at a mode in {peaks.mean():.0%} of all cases, "
+        f"between the modes in {chance.mean():.0%}. Peaks that are missing in most seeds: {lost}.",
         reason=prose(
             "table-2-2.reason",
             eigenvalues=np.mean([captured(each, MODES_HZ) for each in free.values()]),
             peaks=np.mean([each.peaks for each in free.values()]),
-            absent=", ".join(absent) or "none",
+            absent=absent,
         ),
     )
+
+
+def _nearest_hz(found: WaveformModes) -> NDArray[np.float64]:
+    near_hz = [nearest(each, MODES_HZ) for each in found.frequencies_hz]
+    return np.asarray(np.median(near_hz, axis=0))
 
 
 def _numbers(values: Sequence[float] | NDArray[np.float64]) -> str:
@@ -269,10 +271,11 @@ def _response(results: Results) -> Finding:
         for order, some in results[Call(closed_loop_gains)].items()
     }
     order = printed_order(RESPONSE_RECORD)
-    shares = {
-        each: [float(np.mean([has_peak(gain, mode) for gain in some])) for mode in MODES_HZ]
+    peaks = {
+        each: np.array([[has_peak(gain, mode) for mode in MODES_HZ] for gain in some])
         for each, some in found.items()
     }
+    shares = {each: some.mean(axis=0) for each, some in peaks.items()}
     at_modes = [int(np.argmin(np.abs(FREQUENCIES_HZ - mode))) for mode in MODES_HZ]
     strength = np.median(found[order][:, at_modes], axis=0)
     rows = tuple(
@@ -289,7 +292,7 @@ def _response(results: Results) -> Finding:
         *(f"{name}, V/V" for name in SENSORS),
     )
     return Finding(
-        response_judgement(shares[order], shares[LARGER_ORDER], strength),
+        response_judgement(peaks[order], shares[LARGER_ORDER], found[order][:, at_modes]),
         (SideBySide(f"Modes in the response, {len(SEEDS)} seeds", headings, rows),),
         tuple(
             Plot(
@@ -307,24 +310,23 @@ def _response(results: Results) -> Finding:
 
 
 def response_judgement(
-    shares: Sequence[float], larger: Sequence[float], strength: NDArray[np.float64]
+    peaks: NDArray[np.bool_], larger: Sequence[float], strength: NDArray[np.float64]
 ) -> Judgement:
-    """Judge Figure 2-16 by the shares of seeds with a peak, and the gains, (modes, 4)."""
-    there = [share > OFTEN for share in shares]
-    factor = float(np.min(strength[:, GAUGES].min(axis=1) / strength[:, _OTHERS].max(axis=1)))
-    brought_out = not all(there) and all(share > OFTEN for share in larger)
+    """Judge Figure 2-16 by peaks, (seeds, modes), and gains, (seeds, modes, 4).
+
+    `larger` are the shares of the seeds with a peak when the model has `LARGER_ORDER` states.
+    """
+    gauges, others = strength[:, :, GAUGES].min(axis=2), strength[:, :, _OTHERS].max(axis=2)
     return judged(
-        agrees=all(there) and factor > 1.0,
-        same_ranking=factor > 1.0 and any(there),
-        evidence=f"Peaks at the modes: in {percent(shares)} of the seeds with the thesis's order, "
-        f"in {percent(larger)} with {LARGER_ORDER} states. "
-        + ("The missing mode is in the record: more states bring it out. " * brought_out)
-        + (
-            f"At every mode both gauges have a larger gain than position and speed, "
-            f"{factor:.1f} times at least."
-            if factor > 1.0
-            else "The gauges do not have the larger gain at every mode."
+        statements=(
+            all_of("a gauge has a peak at each mode", [mostly("", each) for each in peaks.T]),
+            all_of(
+                "the modes are stronger in both gauges than in position and speed",
+                [less("", *pair) for pair in zip(others.T, gauges.T, strict=True)],
+            ),
         ),
+        evidence=f"Peaks at the modes: in {percent(peaks.mean(axis=0))} of the seeds with the "
+        f"thesis's order, in {percent(larger)} with {LARGER_ORDER} states.",
         reason="Noise as strong as this leaves too little of the modes in a model of this order.",
     )
 

@@ -20,13 +20,16 @@ from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.fitting.validation import Gains, frequency_response, validate_dmv, validate_sfv
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import preprocess
+from flexarm_ident.reduction.modal import reduce_model
 from flexarm_ident.subspace.order import LARGEST_ORDER, SMALLEST_ORDER
 from flexarm_ident.subspace.orse import plain
 from reproduction.framework.findings import SEEDS, thesis_table
 from reproduction.framework.rig import run_experiment, simulated_record
-from reproduction.framework.study_rig import study_rig
+from reproduction.framework.study_rig import choices, study_rig
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
@@ -38,8 +41,6 @@ Compensation: TypeAlias = Literal["remove", "keep"]
 
 ORDERS = tuple(range(SMALLEST_ORDER, LARGEST_ORDER + 1))
 METHOD = "orse_thesis"
-BLOCK_ROWS = 30
-"""Block rows q of (2-18), which the thesis does not print; choice 2-1 shows others."""
 CUTOFF_HZ = 50.0
 """Cut-off of the filter of section 2.5, step 3."""
 CRITICAL_RADIUS = 1.00001
@@ -184,14 +185,35 @@ def model_of(
     return model, is_usable
 
 
-def identified(half: IoData, block_rows: int = BLOCK_ROWS) -> Identification:
+def identified(half: IoData) -> Identification:
     """Identify with the thesis's ORSE; models of other orders follow by `model_of`."""
-    return identify(half, order=SMALLEST_ORDER, method=METHOD, block_rows=block_rows)
+    return identify(half, order=SMALLEST_ORDER, method=METHOD, block_rows=choices().block_rows)
 
 
-def block_rows_for(order: int) -> int:
-    """Return the block rows of one model: (2-10) asks for more of them than states."""
-    return max(BLOCK_ROWS, order + 1)
+def updated_model(
+    name: str,
+    seed: int,
+    orders: tuple[int, int],
+    known_modes_hz: Sequence[float],
+    compensation: Compensation = "remove",
+) -> control.StateSpace:
+    """Identify, reduce by MRMC and update a model, as the thesis's of chapters 3 and 4.
+
+    Parameters
+    ----------
+    name, seed, compensation
+        Of the record, see `thesis_record`.
+    orders : tuple of int
+        States before and after the reduction.
+    known_modes_hz : sequence of float
+        Flexible modes that are kept.
+    """
+    half = fitted_half(thesis_record(name, seed, compensation))
+    found = identified(half)
+    full = replace(found, model=model_of(found, orders[0])[0], order=orders[0])
+    return reduce_model(
+        full, half, ranking="mrmc", order=orders[1], known_modes_hz=known_modes_hz, update="b"
+    ).model
 
 
 def matched(model: control.StateSpace, record: IoData) -> Dmv:

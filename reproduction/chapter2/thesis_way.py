@@ -22,16 +22,8 @@ from reproduction.chapter2.order_survey import (
     stability,
     thesis_record,
 )
-from reproduction.framework.findings import (
-    SEEDS,
-    Call,
-    Finding,
-    Judgement,
-    SideBySide,
-    Verdict,
-    prose,
-    subject,
-)
+from reproduction.framework.findings import SEEDS, Call, Finding, SideBySide, prose, subject
+from reproduction.framework.verdicts import Judgement, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -73,7 +65,9 @@ def ways(record: str, seed: int) -> Ways:
         "unstable eigenvalues mirrored": _matching(
             found.subspace, order, half, whole, way="mirror"
         ),
-        "initial state fitted": _matching(found.subspace, order, half, whole, at_rest=False),
+        "initial state fitted, outputs weighted by their power": _matching(
+            found.subspace, order, half, whole, at_rest=False
+        ),
         "outputs scaled by their innovation": _matching(
             innovation_scaled(found.gram), order, half, whole
         ),

@@ -10,7 +10,6 @@ import numpy as np
 from reproduction.chapter3.drift import AS_IT_IS, DRIFTING, drift_calls, drift_table, median_errors
 from reproduction.chapter3.examples import (
     C_UPDATED,
-    DISTINCT,
     EXAMPLES,
     INITIAL,
     STAGES,
@@ -18,7 +17,6 @@ from reproduction.chapter3.examples import (
     WAYS,
     Records,
     Validation,
-    reversed_pairs,
     thesis_rows,
 )
 from reproduction.chapter3.left_out import left_out_reason, ranks_text
@@ -33,77 +31,48 @@ from reproduction.chapter3.trial import (
     ratios,
     records_of,
 )
-from reproduction.chapter3.updated_models import MEAN_NEAR
 from reproduction.framework.findings import (
     Finding,
     SideBySide,
     Subject,
     columns,
-    judged,
     prose,
     thesis_table,
 )
+from reproduction.framework.verdicts import Beside, judged, p_text, ranked
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from reproduction.chapter3.examples import ReductionTrial, ThesisRow
     from reproduction.framework.findings import Results
 
 
-RATIO_NEAR = 0.15
-"""Costs of a step agree within 15 %: our own records differ by as much among themselves."""
-
-
 def compare_errors(rows: Sequence[ThesisRow], found: Records, *, reason: str) -> Finding:
     """Compare a model and its reduced ones with the thesis's; judge those with strong noise."""
-    full = _full_means(rows)
     noisy = found.noisy
-    theirs = {(row.stage, row.validation): row.mean for row in rows}
-    ours = {key: float(np.median(means(noisy, *key))) for key in theirs}
-    off = {
-        key: float(np.median(ratios(noisy, *key))) / (mean / full[key[1]]) - 1.0
-        for key, mean in theirs.items()
-    }
-    turned, turned_low = (_turned(theirs, some) for some in (noisy, found.low))
-    near = [key for key, share in off.items() if abs(share) <= RATIO_NEAR]
-    close = [key for key, mean in theirs.items() if abs(ours[key] / mean - 1.0) <= MEAN_NEAR]
+    theirs = [row.mean for row in rows]
+    ours = [float(np.median(means(noisy, row.stage, row.validation))) for row in rows]
+    low = [float(np.median(means(found.low, row.stage, row.validation))) for row in rows]
+    sensors = [np.median(errors(noisy, row.stage, row.validation), axis=0).tolist() for row in rows]
+    words = "the stages rank by their errors as in the thesis"
     return Finding(
         judged(
-            agrees=len(near) == len(close) == len(off) and not turned,
-            same_ranking=not turned,
-            evidence=f"Of {len(off)} rows {len(near)} are as much above the full model's error as "
-            f"the thesis's, within {RATIO_NEAR:.0%}, and {len(close)} have its mean error, within "
-            f"{MEAN_NEAR:.0%}; {_order_text(turned)}. With little noise "
-            f"{_order_text(turned_low)}. Medians of {len(noisy)} records: full "
-            f"{ours[INITIAL, 'dmv']:.3f}, MRM {ours['mrm', 'dmv']:.3f}, MSV "
-            f"{ours['msv', 'dmv']:.3f}, MRMC {ours['mrmc', 'dmv']:.3f}, updated "
-            f"{ours['updated', 'dmv']:.3f}.",
+            figures=(
+                Beside(
+                    "errors of the outputs",
+                    tuple(delta for row in rows for delta in row.delta),
+                    tuple(error for each in sensors for error in each),
+                ),
+            ),
+            statements=(ranked(words, theirs, ours),),
+            evidence=f"Medians of {len(noisy)} records. With little noise {words}: "
+            f"{p_text(ranked(words, theirs, low).p_value)}.",
             reason=reason,
         ),
         tables=(_table(rows, found), _own_table(rows, found)),
         text=_text(found),
     )
-
-
-def _turned(
-    theirs: Mapping[tuple[str, Validation], float], found: Sequence[ReductionTrial]
-) -> list[str]:
-    turned = []
-    for validation in ("dmv", "sfv"):
-        thesis = {stage: value for (stage, kind), value in theirs.items() if kind == validation}
-        ours = {stage: float(np.median(means(found, stage, validation))) for stage in thesis}
-        turned += [
-            f"{STAGES[worse]} before {STAGES[better]} by {validation.upper()}"
-            for better, worse in reversed_pairs(thesis, ours)
-        ]
-    return turned
-
-
-def _order_text(turned: Sequence[str]) -> str:
-    if turned:
-        return f"other than in the thesis, ours has {'; '.join(turned)}"
-    return f"no two stages are in another order than the thesis's by more than {DISTINCT:.0%}"
 
 
 def _full_means(rows: Sequence[ThesisRow]) -> dict[Validation, float]:

@@ -79,10 +79,3 @@ def drift_table(code: str, results: Results) -> SideBySide:
         ("rig", *SENSORS),
         tuple(rows),
     )
-
-
-def drift_reason(code: str, results: Results, theirs: float) -> str:
-    """Say what makes the error of the position, beside the thesis's."""
-    positions = {rig: median_errors(code, rig, results)[0] for rig in RIGS}
-    each = ", ".join(f"{value:.3f} ({rig})" for rig, value in positions.items())
-    return prose("figure-3-x.drift_reason", each=each, theirs=theirs)

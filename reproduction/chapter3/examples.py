@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
@@ -23,7 +22,10 @@ if TYPE_CHECKING:
     from flexarm_ident.models.modes import Mode
 
 
+Validation: TypeAlias = Literal["dmv", "sfv"]
 BENDING_MODES = 3
+MEANING: Mapping[Validation, str] = {"dmv": "data matching", "sfv": "set-point following"}
+"""Validations of the thesis by their short names."""
 
 
 @dataclass(frozen=True)
@@ -97,11 +99,10 @@ EXAMPLES: Mapping[str, Example] = MappingProxyType(
 Matrices: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """A, B and C of a model; a `StateSpace` cannot be pickled."""
 
-Validation: TypeAlias = Literal["dmv", "sfv"]
 INITIAL = "initial"
-LOW, THESIS, FILTERED = "low", "thesis", "filtered"
-"""Records: with the noise of good sensors; with strong noise, as the thesis's errors of the gauges
-suggest; and with strong noise and the input filtered as the outputs are."""
+LOW, THESIS = "low", "thesis"
+"""Records: with the noise of good sensors, and with strong noise, as the thesis's errors of the
+gauges suggest."""
 WAYS = ("mrm", "msv", "mrmc")
 """Stages that are reduced and not updated; all other reduced ones are updated."""
 C_UPDATED = "_c"
@@ -234,8 +235,6 @@ def is_rigid(mode: Mode, known_hz: Sequence[float]) -> bool:
     return mode.frequency_hz < SLOW * min(known_hz)
 
 
-DISTINCT = 0.05
-"""Errors that differ by less than 5 % are level: no order is read into them."""
 STAGES: Mapping[str, str] = {
     "unstable": "unstable",
     INITIAL: "initial",
@@ -270,14 +269,3 @@ def thesis_rows(table: Sequence[Mapping[str, Any]]) -> tuple[ThesisRow, ...]:
         )
         for row in table
     )
-
-
-def reversed_pairs(theirs: Mapping[str, float], ours: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Return the pairs, distinct in both, with the first better in one, the second in the other."""
-    pairs = []
-    for one, other in combinations(theirs, 2):
-        better, worse = sorted((one, other), key=lambda name: theirs[name])
-        distinct = theirs[worse] > (1.0 + DISTINCT) * theirs[better]
-        if distinct and ours[better] > (1.0 + DISTINCT) * ours[worse]:
-            pairs.append((better, worse))
-    return pairs

@@ -7,25 +7,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_ident.records.iodata import ARM_OUTPUTS
-from reproduction.chapter3.costs import RATIO_NEAR
-from reproduction.chapter3.drift import DRIFTING, drift_calls, drift_reason
 from reproduction.chapter3.examples import (
     EXAMPLES,
-    INITIAL,
+    MEANING,
     STAGES,
     TABLES,
     Records,
     Validation,
-    reversed_pairs,
     thesis_rows,
 )
-from reproduction.chapter3.left_out import left_out_reason
 from reproduction.chapter3.trial import (
     RUNS_AWAY,
     both_calls,
     error_text,
     errors,
-    ratios,
     records_of,
 )
 from reproduction.framework.findings import (
@@ -34,14 +29,14 @@ from reproduction.framework.findings import (
     Plot,
     SideBySide,
     Subject,
-    judged,
     prose,
     thesis_table,
 )
 from reproduction.framework.model_plots import match_plot
+from reproduction.framework.verdicts import elsewhere
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -49,17 +44,7 @@ if TYPE_CHECKING:
     from reproduction.framework.findings import Results
 
 
-DELTA_NEAR = 1.0 / 3.0
-"""An error of a figure's output agrees within a third, or ..."""
-DELTA_SMALL = 0.05
-"""... within a twentieth of the signal, which no eye tells apart."""
-GOOD = 1.25
-"""A model looks like its full one up to this: the thesis calls 1.12 slightly worse and has 1.38 for
-a model that deviates."""
 POINTS = 600
-FULL = (INITIAL, "unstable")
-"""Stages that nothing was left out of."""
-_MEANING: Mapping[Validation, str] = {"dmv": "data matching", "sfv": "set-point following"}
 
 
 class FigureOf(NamedTuple):
@@ -87,68 +72,27 @@ FIGURES = tuple(
 )
 
 
-def compare_figure(
-    figure: FigureOf, rows: Sequence[ThesisRow], found: Records, drift: str = ""
-) -> Finding:
-    """Draw a stage and judge its four errors, and of a reduced model the cost as well.
-
-    `drift` says what makes the position's error of a full model, for the reason.
-    """
-    example, low, noisy = found
+def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) -> Finding:
+    """Draw a stage, and list its errors beside those that its table judges."""
+    example, _, noisy = found
     stage, validation = figure.stage, figure.validation
-    thesis = {(row.stage, row.validation): row for row in rows}
-    theirs = np.array(thesis[stage, validation].delta)
+    (theirs,) = (np.array(row.delta) for row in rows if (row.stage, row.validation) == figure[2:])
     shown = found.shown(noisy=True)
     drawn = np.array(getattr(shown.stages[stage], validation))
-    ours = np.median(errors(noisy, stage, validation), axis=0)
-    runaways = int(np.sum(errors(noisy, stage, validation).max(axis=1) > RUNS_AWAY))
-    lost = (
-        f" In {runaways} of {len(noisy)} records the loop runs away, for the reason at Table 3-6."
-        if runaways
-        else ""
-    )
-    cost = thesis[stage, validation].mean / thesis[INITIAL, validation].mean
-    our_costs = ratios(noisy, stage, validation)
-    our_cost = float(np.median(our_costs))
-    quiet_cost = float(np.median(ratios(low, stage, validation)))
-    near = np.abs(ours - theirs) <= np.maximum(DELTA_SMALL, DELTA_NEAR * theirs)
-    agreeing = f"{int(near.sum())} of {len(near)} errors agree ({_pairs(theirs, ours)})"
-    if stage in FULL:
-        turned = reversed_pairs(
-            *(dict(zip(SENSORS, delta.tolist(), strict=True)) for delta in (theirs, ours))
-        )
-        judgement = judged(
-            agrees=bool(near.all()),
-            same_ranking=not turned,
-            evidence=f"{agreeing}; "
-            + (
-                "; ".join(
-                    f"ours matches the {worse} better than the {better}" for better, worse in turned
-                )
-                + ", the thesis's the other way round."
-                if turned
-                else "no two sensors are matched in another order than in the thesis."
-            )
-            + lost,
-            reason=prose("figure-3-x.full_reason", table=figure.table, drift=drift),
-        )
-    else:
-        judgement = judged(
-            agrees=abs(our_cost / cost - 1.0) <= RATIO_NEAR and bool(near.all()),
-            same_ranking=(our_cost > GOOD) == (cost > GOOD),
-            evidence=f"The error is {_times(our_cost)} the full model's, the thesis's "
-            f"{_times(cost)}; with little noise {_times(quiet_cost)}. {agreeing}. Medians of "
-            f"{len(noisy)} records.{lost}",
-            reason=_other_cost(cost, our_costs, quiet_cost)
-            + _left_out(figure, noisy, cheaper=our_cost < cost),
-        )
+    each = errors(noisy, stage, validation)
+    ours = np.median(each, axis=0)
+    runaways = int(np.sum(each.max(axis=1) > RUNS_AWAY))
     if shown.curves is None:
         raise ValueError(f"{example.code}, seed {shown.seed}: nothing was kept to draw")
     return Finding(
-        judgement,
+        elsewhere(
+            f"table-{figure.table}b",
+            f"The loop runs away in {runaways} of {len(noisy)} records. The errors are judged with "
+            "those of the other stages in",
+        ),
         tables=(
             SideBySide(
-                f"Errors of the {STAGES[stage]} model by {_MEANING[validation]}",
+                f"Errors of the {STAGES[stage]} model by {MEANING[validation]}",
                 ("", *SENSORS, "mean"),
                 tuple(
                     (label, *map(error_text, delta.tolist()), error_text(float(delta.mean())))
@@ -163,39 +107,6 @@ def compare_figure(
         plots=_plots(shown.curves, stage, validation),
         text=(_caption(shown, example.code, stage),),
     )
-
-
-def _times(ratio: float) -> str:
-    return f"{ratio:.2f} times" if ratio < RUNS_AWAY else "many times"
-
-
-def _pairs(theirs: np.ndarray, ours: np.ndarray) -> str:
-    return "ours / thesis's: " + ", ".join(
-        f"{name} {error_text(our)} / {their:.3f}"
-        for name, their, our in zip(SENSORS, theirs.tolist(), ours.tolist(), strict=True)
-    )
-
-
-def _other_cost(cost: float, our_costs: NDArray[np.float64], quiet_cost: float) -> str:
-    our_cost = float(np.median(our_costs))
-    if cost > our_cost:
-        return prose("figure-3-x.reason", growth=_times(quiet_cost))
-    return prose(
-        "figure-3-x.more_reason",
-        growth=_times(quiet_cost),
-        share="all" if quiet_cost >= our_cost else "part",
-        least=_times(our_costs.min()),
-        most=_times(our_costs.max()),
-        nearer=int(np.sum(our_costs <= cost)),
-        records=len(our_costs),
-    )
-
-
-def _left_out(figure: FigureOf, noisy: Sequence[ReductionTrial], *, cheaper: bool) -> str:
-    """Say which mode is left out, where that costs less than in the thesis."""
-    if not cheaper or figure.stage not in ("msv", "mrmc"):
-        return ""
-    return f" {left_out_reason(figure.table, noisy, figure.stage)}"
 
 
 def _caption(shown: ReductionTrial, code: str, stage: str) -> str:
@@ -234,18 +145,14 @@ def _plots(curves: Curves, stage: str, validation: Validation) -> tuple[Plot, ..
 def _subject(figure: FigureOf) -> Subject:
     code = TABLES[figure.table]
     rows = thesis_rows(thesis_table(f"table_{figure.table.replace('-', '_')}b"))
-    is_full = figure.stage in FULL and figure.validation == "dmv"
-    drifts = is_full and figure.table in DRIFTING
 
     def build(results: Results) -> Finding:
-        (theirs,) = (row.delta[0] for row in rows if (row.stage, row.validation) == figure[2:])
-        drift = drift_reason(code, results, theirs) if drifts else ""
-        return compare_figure(figure, rows, records_of(results, code), drift)
+        return compare_figure(figure, rows, records_of(results, code))
 
     return Subject(
         f"figure-{figure.number}",
-        f"{code}, {STAGES[figure.stage]}: {_MEANING[figure.validation]}",
-        both_calls(code) + (drift_calls(code) if drifts else ()),
+        f"{code}, {STAGES[figure.stage]}: {MEANING[figure.validation]}",
+        both_calls(code),
         build,
     )
 

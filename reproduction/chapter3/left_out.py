@@ -8,7 +8,8 @@ from scipy import stats
 
 from reproduction.chapter3.examples import INITIAL
 from reproduction.chapter3.trial import means
-from reproduction.framework.findings import LEVEL, p_text, prose, spread, thesis_table
+from reproduction.framework.findings import prose, spread, thesis_table
+from reproduction.framework.verdicts import LEVEL, p_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

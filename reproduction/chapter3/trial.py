@@ -11,12 +11,10 @@ import numpy as np
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident import IdentificationError, reduce_model
 from flexarm_ident.models.state_space import stabilise
-from flexarm_ident.records.preprocess import output_scale, preprocess
+from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.reduction.balanced import balanced_truncation
 from flexarm_ident.reduction.realisation import thesis_realisation
 from reproduction.chapter2.order_survey import (
-    BLOCK_ROWS,
-    CUTOFF_HZ,
     fitted_half,
     followed,
     identified,
@@ -28,7 +26,6 @@ from reproduction.chapter2.order_survey import (
 from reproduction.chapter3.examples import (
     C_UPDATED,
     EXAMPLES,
-    FILTERED,
     INITIAL,
     LOW,
     THESIS,
@@ -43,6 +40,7 @@ from reproduction.chapter3.examples import (
 from reproduction.framework.findings import SEEDS, Call
 from reproduction.framework.realisations import realisation_difference
 from reproduction.framework.rig import simulated_record
+from reproduction.framework.study_rig import choices
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -95,7 +93,7 @@ def reduction_trial(code: str, noise: str, seed: int) -> ReductionTrial:
         )
     smallest = min(reductions, key=lambda name: reductions[name].order)
     direct = reductions[smallest].model
-    rebuilt = thesis_realisation(direct, trained, block_rows=BLOCK_ROWS)
+    rebuilt = thesis_realisation(direct, trained, block_rows=choices().block_rows)
     return ReductionTrial(
         seed=seed,
         modes=tuple(replace(mode, kept=True) for mode in modes),
@@ -123,9 +121,7 @@ def unstable_order(code: str, noise: str, seed: int) -> int:
 
 def _record(example: Example, noise: str, seed: int) -> IoData:
     record = simulated_record(example.experiment, seed, calm=noise == LOW)
-    if noise != FILTERED:
-        return prepared(record, example.compensation)
-    return preprocess(record, compensation=example.compensation, bias="first", cutoff_hz=CUTOFF_HZ)
+    return prepared(record, example.compensation)
 
 
 def _order(example: Example, found: Identification) -> int:

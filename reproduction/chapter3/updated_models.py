@@ -5,21 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import stats
 
-from reproduction.chapter3.examples import EXAMPLES, FILTERED, THESIS, Validation
+from reproduction.chapter3.examples import EXAMPLES, MEANING, THESIS, Validation
 from reproduction.chapter3.trial import RUNS_AWAY, calls, errors_text, means, trials
 from reproduction.framework.findings import (
-    LEVEL,
     Finding,
     SideBySide,
     columns,
-    judged,
-    p_text,
     prose,
     subject,
     thesis_table,
 )
+from reproduction.framework.verdicts import Beside, judged, ranked
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,8 +25,6 @@ if TYPE_CHECKING:
     from reproduction.framework.findings import Results
 
 
-MEAN_NEAR = 0.25
-"""A mean error agrees within a quarter: so far our own records lie from their median."""
 MODEL_STAGES: Mapping[str, tuple[str, str]] = {
     "Ao2r_11": ("Ao2_19", "updated"),
     "Ao2r_7": ("Ao2_19", "further"),
@@ -49,39 +44,29 @@ CODES = tuple(dict.fromkeys(code for code, _ in MODEL_STAGES.values()))
 
 
 def compare_models(
-    table: Mapping[str, Any],
-    found: Mapping[str, Sequence[ReductionTrial]],
-    filtered: Mapping[str, Sequence[ReductionTrial]],
+    table: Mapping[str, Any], found: Mapping[str, Sequence[ReductionTrial]]
 ) -> Finding:
-    """Set the updated models beside the thesis's; judge those without the filtered input."""
+    """Set the updated models beside the thesis's."""
     kinds: tuple[Validation, ...] = ("dmv", "sfv")
     theirs = {kind: [table[name][f"{kind}_mean"] for name in MODEL_STAGES] for kind in kinds}
     ours = {kind: _medians(found, kind) for kind in kinds}
-    by_filter = _medians(filtered, "sfv")
-    near = {kind: _count_near(theirs[kind], ours[kind]) for kind in kinds}
-    order = {kind: stats.spearmanr(theirs[kind], ours[kind]) for kind in kinds}
-    ranked = [bool(order[kind].statistic > 0.0 and order[kind].pvalue < LEVEL) for kind in kinds]
     others = [
         table[name]["dmv_mean"] for name, (code, _) in MODEL_STAGES.items() if code != "Ao2_19"
     ]
-    runaways, runaways_filtered = (
-        [name for name, value in zip(MODEL_STAGES, values, strict=True) if value > RUNS_AWAY]
-        for values in (ours["sfv"], by_filter)
-    )
+    runaways = [
+        name for name, value in zip(MODEL_STAGES, ours["sfv"], strict=True) if value > RUNS_AWAY
+    ]
     return Finding(
         judged(
-            agrees=near["dmv"] == near["sfv"] == len(MODEL_STAGES),
-            same_ranking=all(ranked),
-            evidence=f"Of {len(MODEL_STAGES)} models {near['dmv']} agree within {MEAN_NEAR:.0%} by "
-            f"data matching and {near['sfv']} by set-point following, "
-            f"{_count_near(theirs['sfv'], by_filter)} when the input is filtered too. Rank "
-            "correlation with the thesis: "
-            + ", ".join(
-                f"{kind.upper()} {each.statistic:.2f} ({p_text(float(each.pvalue))})"
-                for kind, each in order.items()
-            )
-            + f". Set-point following runs away with {_names(runaways)}; with the input filtered "
-            f"too with {_names(runaways_filtered)}.",
+            figures=[
+                Beside(f"mean errors by {words}", tuple(theirs[kind]), tuple(ours[kind]))
+                for kind, words in MEANING.items()
+            ],
+            statements=[
+                ranked(f"the models rank by {words} as in the thesis", theirs[kind], ours[kind])
+                for kind, words in MEANING.items()
+            ],
+            evidence=f"Set-point following runs away with {', '.join(runaways) or 'none'}.",
             reason=prose(
                 "table-3-6.reason",
                 others=len(others),
@@ -96,7 +81,7 @@ def compare_models(
             SideBySide(
                 "Mean errors; ours as median and range over the records",
                 columns(prose("table-3-6.columns")),
-                tuple(_row(name, table[name], found, filtered) for name in MODEL_STAGES),
+                tuple(_row(name, table[name], found) for name in MODEL_STAGES),
             ),
         ),
         text=(prose("table-3-6.text"),),
@@ -115,19 +100,8 @@ def _medians(found: Mapping[str, Sequence[ReductionTrial]], kind: Validation) ->
     ]
 
 
-def _count_near(theirs: Sequence[float], ours: Sequence[float]) -> int:
-    return sum(abs(our / their - 1.0) <= MEAN_NEAR for our, their in zip(ours, theirs, strict=True))
-
-
-def _names(models: Sequence[str]) -> str:
-    return ", ".join(models) or "none"
-
-
 def _row(
-    name: str,
-    printed: Mapping[str, Any],
-    found: Mapping[str, Sequence[ReductionTrial]],
-    filtered: Mapping[str, Sequence[ReductionTrial]],
+    name: str, printed: Mapping[str, Any], found: Mapping[str, Sequence[ReductionTrial]]
 ) -> tuple[str, ...]:
     code, stage = MODEL_STAGES[name]
     states = np.median([trial.stages[stage].order for trial in found[code]])
@@ -140,23 +114,19 @@ def _row(
         errors_text(means(found[code], stage, "dmv")),
         f"{printed['sfv_mean']:.3f}",
         errors_text(means(found[code], stage, "sfv")),
-        errors_text(means(filtered[code], stage, "sfv")),
     )
 
 
 def _build(results: Results) -> Finding:
     return compare_models(
-        thesis_table("table_3_6"),
-        *({code: trials(results, code, noise) for code in CODES} for noise in (THESIS, FILTERED)),
+        thesis_table("table_3_6"), {code: trials(results, code, THESIS) for code in CODES}
     )
 
 
 SUBJECTS = (
     subject(
         "table-3-6",
-        tuple(
-            call for code in CODES for noise in (THESIS, FILTERED) for call in calls(code, noise)
-        ),
+        tuple(call for code in CODES for call in calls(code, THESIS)),
         _build,
     ),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.ilqr import Ilqr
 from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.simulation import simulate_loop
+from flexarm_core.channels import MAX_COMMAND_V
 from reproduction.chapter4.ilqr_designs import (
     HUNTS,
     OURS,
@@ -25,11 +26,9 @@ from reproduction.framework.findings import (
     SEEDS,
     Call,
     Finding,
-    Judgement,
     Plot,
     SideBySide,
     Subject,
-    judged,
     prose,
     spread,
     thesis_table,
@@ -37,6 +36,7 @@ from reproduction.framework.findings import (
 from reproduction.framework.plots import time_plot
 from reproduction.framework.rig import step_to
 from reproduction.framework.study_rig import calm_rig
+from reproduction.framework.verdicts import Judgement, Statement, always, judged, mostly
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,6 +62,7 @@ class IlqrTrial:
     """Figures of one step under ILQR, and of the same step under PDPC.
 
     Swings are peak to peak, from 10 s on and over the last 2 s; errors are means over the last 2 s.
+    The effort is its largest magnitude, and its swing over the last 2 s.
     """
 
     overshoot: float
@@ -71,6 +72,8 @@ class IlqrTrial:
     error_v: float
     pdpc_error_v: float
     pdpc_overshoot: float
+    effort_v: float
+    effort_swing_v: float
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,8 @@ def ilqr_trial(design: str, setpoint_v: float, seed: int) -> IlqrTrial:
         figures.mean_error_v,
         other.mean_error_v,
         other.overshoot,
+        float(np.abs(run.command_v).max()),
+        float(np.ptp(run.command_v[run.time_s >= LENGTH_S - 2.0])),
     )
 
 
@@ -123,7 +128,7 @@ def _reversals(position_v: NDArray[np.float64]) -> int:
 
 def ilqr_run(setpoint_v: float, seed: int) -> IlqrRun:
     """Step the model and the rig with 300 g."""
-    design = ilqr_design(OURS)
+    design = ilqr_design(PRINTED)
     run = step_to(
         Ilqr(design),
         setpoint_v,
@@ -171,14 +176,25 @@ def _figure(setpoint_v: float, effort: bool, results: Results) -> Finding:  # no
             *(_spread_of(some, "swing_v") for some in trials.values()),
         ),
         (
+            "effort, largest, V",
+            *(_spread_of(some, "effort_v", form=".2f") for some in trials.values()),
+        ),
+        (
+            "effort in the last 2 s, peak to peak, V",
+            *(_spread_of(some, "effort_swing_v", form=".2f") for some in trials.values()),
+        ),
+        (
             "times the arm turned round",
             *(_spread_of(some, "reversals", form=".0f") for some in trials.values()),
         ),
     )
-    if setpoint_v == SETPOINTS_V[0]:
-        judgement = held_judgement(trials[OURS], trials[PRINTED])
-    else:
-        judgement = hunting_judgement(trials[OURS], hunting_variants(results))
+    judge = effort_judgement if effort else step_judgement
+    judgement = judge(setpoint_v, trials[PRINTED], trials[OURS])
+    if setpoint_v != SETPOINTS_V[0] and not effort:
+        listed = "; ".join(f"{arm} ({law})" for arm, law in hunting_variants(results)) or "none"
+        judgement = replace(
+            judgement, because=f"{judgement.because} Variants of choice 4-1 that go on: {listed}."
+        )
     headings = ("", "our weights", "the thesis's weights")
     return Finding(
         judgement,
@@ -213,58 +229,58 @@ def _gain_table() -> SideBySide:
     )
 
 
-def held_judgement(ours: Sequence[IlqrTrial], printed: Sequence[IlqrTrial]) -> Judgement:
-    """Judge the step of 3 V, held without overshoot, by our weights and by the thesis's."""
-    overshoot, swing_v = _largest(ours)
-    printed_overshoot, printed_swing_v = _largest(printed)
-    return judged(
-        agrees=max(overshoot, printed_overshoot) <= OVERSHOOT
-        and max(swing_v, printed_swing_v) <= HELD_V,
-        same_ranking=overshoot <= OVERSHOOT and swing_v <= HELD_V,
-        evidence=f"The arm overshoots by at most {overshoot:.1%}, then moves by {swing_v:.3f} V or "
-        "less: a friction that keeps its direction is held, as the thesis finds. With the thesis's "
-        f"weights and K_I it overshoots by at most {printed_overshoot:.1%} and then moves by "
-        f"{printed_swing_v:.3f} V or less.",
-        reason="The arm does not come to rest.",
-    )
-
-
-def _largest(trials: Sequence[IlqrTrial]) -> tuple[float, float]:
-    return max(each.overshoot for each in trials), max(each.swing_v for each in trials)
-
-
-def hunting_judgement(
-    trials: Sequence[IlqrTrial], variants: Sequence[tuple[str, str]]
+def step_judgement(
+    setpoint_v: float, printed: Sequence[IlqrTrial], ours: Sequence[IlqrTrial]
 ) -> Judgement:
-    """Judge the step of 5 V: the thesis's arm overshoots, reverses and goes on oscillating."""
-    listed = "; ".join(f"{arm} ({law})" for arm, law in variants)
-    swing_v, last_v = (
-        min(getattr(each, name) for each in trials) for name in ("swing_v", "last_swing_v")
-    )
-    turns, overshoot = (
-        min(getattr(each, name) for each in trials) for name in ("reversals", "overshoot")
-    )
-    hunts = overshoot > OVERSHOOT and swing_v >= HUNTS and turns >= 1
-    goes_on = last_v >= HUNTS
+    """Judge a step with the thesis's weights and K_I: 3 V is held, with 5 V the arm hunts."""
     return judged(
-        agrees=hunts and goes_on,
-        same_ranking=hunts,
-        evidence=f"The arm overshoots by at least {overshoot:.0%}, reverses, and "
-        f"still moves by {swing_v:.2f} V or more between 10 and 20 s: friction that changes "
-        f"its direction is {'not held, as the thesis finds' if hunts else 'held'}. "
-        + (
-            "It goes on."
-            if goes_on
-            else f"In the last 2 s it moves by {last_v:.2f} V: ours dies out, the thesis's "
-            "oscillation went on. "
-            + (
-                f"With other rigs or laws ours goes on too, see choice 4-1: {listed}."
-                if variants
-                else "None of the variants of choice 4-1 goes on."
-            )
-        ),
-        reason="The thesis's arm overshoots, reverses and hunts.",
+        statements=_statements(setpoint_v, printed),
+        evidence="With the thesis's weights and K_I. With ours: "
+        + "; ".join(each.text for each in _statements(setpoint_v, ours))
+        + ".",
+        reason=f"The swing in the last 2 s is {_median(printed, 'last_swing_v'):.3f} V with the "
+        f"thesis's weights, {_median(ours, 'last_swing_v'):.3f} V with ours, medians.",
     )
+
+
+def _statements(setpoint_v: float, trials: Sequence[IlqrTrial]) -> tuple[Statement, ...]:
+    over = [each.overshoot > OVERSHOOT for each in trials]
+    if setpoint_v == SETPOINTS_V[0]:
+        held = [each.swing_v <= HELD_V for each in trials]
+        return (
+            always("the arm does not overshoot", [not each for each in over]),
+            always("it is held, as by a constant friction", held),
+        )
+    return (
+        mostly("the arm overshoots", over),
+        mostly("it reverses", [each.reversals >= 1 for each in trials]),
+        mostly("it goes on swinging", [each.last_swing_v >= HUNTS for each in trials]),
+    )
+
+
+def effort_judgement(
+    setpoint_v: float, printed: Sequence[IlqrTrial], ours: Sequence[IlqrTrial]
+) -> Judgement:
+    """Judge the effort with the thesis's weights: within 5 A, and swinging on with 5 V."""
+    goes_on = [each.effort_swing_v >= HUNTS for each in printed]
+    statements = [
+        always(
+            f"the effort stays below {MAX_COMMAND_V:g} V, 5 A",
+            [each.effort_v < MAX_COMMAND_V for each in printed],
+        )
+    ]
+    if setpoint_v != SETPOINTS_V[0]:
+        statements.append(mostly("it goes on swinging as all signals do", goes_on))
+    return judged(
+        statements=statements,
+        evidence=f"It is {_median(printed, 'effort_v'):.2f} V at most, in the median of the "
+        f"seeds; {_median(ours, 'effort_v'):.2f} V with our weights.",
+        reason="The arm comes to rest.",
+    )
+
+
+def _median(trials: Sequence[IlqrTrial], name: str) -> float:
+    return float(np.median([getattr(each, name) for each in trials]))
 
 
 SUBJECTS = tuple(

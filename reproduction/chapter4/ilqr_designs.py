@@ -15,24 +15,24 @@ import numpy as np
 
 from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, design_ilqr, quadratic_gain, radius
 from flexarm_control.models.nominal_models import identified_model
+from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident.reduction.realisation import thesis_realisation
-from reproduction.chapter2.order_survey import BLOCK_ROWS, fitted_half, prepared
+from reproduction.chapter2.order_survey import fitted_half, thesis_record, updated_model
 from reproduction.framework.findings import (
     OFTEN,
     SEEDS,
     Call,
     Finding,
-    Judgement,
     SideBySide,
-    Verdict,
     prose,
     spread,
     subject,
     thesis_table,
 )
 from reproduction.framework.realisations import rounded_model
-from reproduction.framework.rig import simulated_record, step_to
-from reproduction.framework.study_rig import calm_rig
+from reproduction.framework.rig import step_to
+from reproduction.framework.study_rig import calm_rig, choices
+from reproduction.framework.verdicts import Judgement, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,6 +46,8 @@ HUNTS = 0.2
 """Swing, peak to peak, from which the arm counts as hunting."""
 OURS, PRINTED, INTEGRAL = "ours", "as printed", "ours, K_I as printed"
 _RECORD = "C_dat11"
+# Ac11r_8 of Table 3-6: section 4.4 names the payload and the order.
+_ORDERS, _FLEXIBLE_MODES = (26, 8), 2
 # As the thesis prints its gains.
 _GAIN_DIGITS = 4
 
@@ -53,11 +55,12 @@ _GAIN_DIGITS = 4
 @cache
 def ilqr_design(name: str) -> IlqrDesign:
     """Return one of the designs by its name."""
-    model = identified_model()
     if name == PRINTED:
-        record = fitted_half(prepared(simulated_record(_RECORD, SEEDS[0], calm=True)))
-        return printed_design(thesis_realisation(model, record, block_rows=BLOCK_ROWS))
-    design = design_ilqr(model)
+        known_hz = natural_frequencies_hz(calm_rig(PAYLOAD_KG))[:_FLEXIBLE_MODES].tolist()
+        model = updated_model(_RECORD, SEEDS[0], _ORDERS, known_hz)
+        half = fitted_half(thesis_record(_RECORD, SEEDS[0]))
+        return printed_design(thesis_realisation(model, half, block_rows=choices().block_rows))
+    design = design_ilqr(identified_model())
     return design if name == OURS else replace(design, ki=thesis_table("section_4_4")["ki"])
 
 

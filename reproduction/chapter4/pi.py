@@ -23,31 +23,33 @@ from flexarm_control.laws.pi import Pi
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from flexarm_ident.workflow.request import Request
-from flexarm_ident.workflow.stages import run as identify_record
-from reproduction.chapter2.order_survey import METHOD, block_rows_for
+from reproduction.chapter2.order_survey import updated_model
 from reproduction.framework.findings import (
-    LEVEL,
     SEEDS,
     Call,
     Finding,
-    Judgement,
     Plot,
     SideBySide,
     Subject,
     columns,
-    judged,
-    p_text,
     prose,
-    sign_test,
     spread,
     subject,
     thesis_table,
 )
 from reproduction.framework.model_plots import match_plot
 from reproduction.framework.realisations import rounded_model
-from reproduction.framework.rig import RATE_HZ, STEP_S, simulated_record, step_to
-from reproduction.framework.study_rig import calm_rig
+from reproduction.framework.rig import RATE_HZ, STEP_S, step_to
+from reproduction.framework.study_rig import calm_rig, choices
+from reproduction.framework.verdicts import (
+    Beside,
+    Judgement,
+    elsewhere,
+    judged,
+    less,
+    mostly,
+    p_text,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -129,25 +131,16 @@ def pi_case(code: str, seed: int) -> PiCase:
     record, order, reduced_order, flexible_modes = CODES[code]["made"]
     entry = experiment(record)
     arm = calm_rig(entry.payload_kg)
-    outcome = identify_record(
-        simulated_record(record, seed, calm=True),
-        Request(
-            train_fraction=0.5,
-            method=METHOD,
-            order=order,
-            block_rows=block_rows_for(order),
-            feedthrough="no",
-            reduction="mrmc",
-            reduced_order=reduced_order,
-            known_modes_hz=tuple(natural_frequencies_hz(arm)[:flexible_modes].tolist()),
-            update="b",
-            remove_compensation=CODES[code]["type"] != "III",
-            friction=False,
-        ),
+    made = updated_model(
+        record,
+        seed,
+        (order, reduced_order),
+        natural_frequencies_hz(arm)[:flexible_modes].tolist(),
+        compensation="keep" if CODES[code]["type"] == "III" else "remove",
     )
     # In the digits in which processors agree: a search takes other ways from other models.
-    model = rounded_model(outcome.model)
-    tuned = tune_pi(model)
+    model = rounded_model(made)
+    tuned = tune_pi(model, duration_s=choices().criterion_s)
     # J is flat about its least, and two digits are what the searches of all processors share.
     gains = PiGains(*(float(f"{gain:.2g}") for gain in (tuned.gains.kp, tuned.gains.ki)))
     law = Pi(gains, Sampling(RATE_HZ))
@@ -177,9 +170,6 @@ CLOSE = 0.25
 type II differ from each other by less than 1 %, ours by seed differ by more."""
 SAME_GAINS = 0.05
 """Two models count as one when their gains differ by less."""
-FIGURE_MATCH = 0.06
-"""Two steps that differ by less than this share of the set-point lie on each other to the eye."""
-
 _OTHER = tuple(code for code in CODES if not _knows_no_friction(code))
 _BEST = "Ac3r_10"
 _IMPLEMENTED = prose("chapter-4.compensation", level_v=LEVEL_V)
@@ -225,27 +215,36 @@ _WORDS = {
 
 def table_judgement(ours: dict[str, list[PiCase]]) -> Judgement:
     """Judge Table 4-1 by J and Kp; Ki hardly changes J, and is not judged."""
-    ratios = {
-        f"{name} of {code}": float(np.median([getattr(case, name) for case in found]))
-        / CODES[code][name]
-        for code, found in ours.items()
+    medians = {
+        name: {
+            code: float(np.median([getattr(case, name) for case in found]))
+            for code, found in ours.items()
+        }
         for name in ("criterion", "kp")
     }
-    far = [f"{what} {ratio:.2f}" for what, ratio in ratios.items() if abs(ratio - 1.0) > CLOSE]
-    best = {code: np.median([case.criterion for case in found]) for code, found in ours.items()}
-    smallest = min(best[code] for code in _OTHER)
-    ranked = all(best[code] < smallest for code in CODES if code not in _OTHER)
-    small, large = (np.median([case.kp for case in ours[code]]) for code in ("Ac3r_8", "Ac3r_10"))
-    apart = abs(large / small - 1.0)
+    criteria = {code: np.array([case.criterion for case in found]) for code, found in ours.items()}
+    best, others = (
+        pick([each for code, each in criteria.items() if (code in _OTHER) == is_other], axis=0)
+        for pick, is_other in ((np.max, False), (np.min, True))
+    )
+    small, large = (np.array([case.kp for case in ours[code]]) for code in ("Ac3r_8", "Ac3r_10"))
     return judged(
-        agrees=ranked and not far,
-        same_ranking=ranked,
-        evidence=f"Median J is {best['Ac3r_8']:.3f} and {best['Ac3r_10']:.3f} for type II, "
-        f"{best['Ao2r_9']:.3f} for type I, {best['Ac3r_10c']:.3f} for type III: type II "
-        f"{'is' if ranked else 'is not'} best, as in the thesis. "
-        f"Kp of the two models of type II differs by {apart:.1%}, so the third flexible mode "
-        f"{'does not matter' if apart < SAME_GAINS else 'matters'}. "
-        + (f"Ours over the thesis's, beyond {CLOSE:.0%}: {', '.join(far)}." if far else ""),
+        figures=[
+            Beside(
+                f"values of {_WORDS[name].partition(',')[0]}",
+                tuple(CODES[code][name] for code in ours),
+                tuple(found.values()),
+                1.0 + CLOSE,
+            )
+            for name, found in medians.items()
+        ],
+        statements=(
+            less("both models of type II have the least J", best, others),
+            mostly("they have the same Kp", np.abs(large / small - 1.0) < SAME_GAINS),
+        ),
+        evidence="Median J is "
+        + ", ".join(f"{value:.3f} ({code})" for code, value in medians["criterion"].items())
+        + ".",
         reason="The slow poles that friction leaves in a model decide J, and our arm has others.",
     )
 
@@ -254,16 +253,15 @@ def _figure(code: str, results: Results) -> Finding:
     found = cases(results, code)
     mismatches = [case.mismatch for case in found]
     shown = found[int(np.argsort(mismatches)[len(mismatches) // 2])]
-    others = {
-        other: float(np.median([case.mismatch for case in cases(results, other)]))
-        for other in CODES
-        if other != code
-    }
     svg = match_plot(
         shown.time_s, shown.implemented_v, shown.simulated_v, "position_v", fitted_s=0.0, points=600
     )
     return Finding(
-        figure_judgement(code, float(np.median(mismatches)), others),
+        elsewhere(
+            "claim-4-1",
+            f"Model and rig differ by {np.median(mismatches):.1%} of the set-point (root mean "
+            f"square, median of {len(SEEDS)} seeds). The models are compared at",
+        ),
         plots=(
             Plot(
                 prose("pi-law.caption", code=code, setpoint_v=SETPOINT_V),
@@ -274,25 +272,12 @@ def _figure(code: str, results: Results) -> Finding:
     )
 
 
-def figure_judgement(code: str, mismatch: float, others: dict[str, float]) -> Judgement:
-    """Judge a figure: type II follows its simulation, the others do not."""
-    without = code not in _OTHER
-    rivals = [value for other, value in others.items() if (other not in _OTHER) != without]
-    close = mismatch <= FIGURE_MATCH
-    better = mismatch < min(rivals) if without else mismatch > max(rivals)
-    return judged(
-        agrees=better and close == without,
-        same_ranking=better,
-        evidence=f"Model and rig differ by {mismatch:.1%} of the set-point (root mean square, "
-        f"median of {len(SEEDS)} seeds); the other models by "
-        f"{', '.join(f'{value:.1%} ({other})' for other, value in others.items())}.",
-        reason="The thesis's figure shows the models of type II closest to the rig.",
-    )
-
-
 def _claim(results: Results) -> Finding:
     mismatch = {code: [case.mismatch for case in cases(results, code)] for code in CODES}
-    p_values = {code: sign_test(mismatch[_BEST], mismatch[code]) for code in _OTHER}
+    closer = {
+        code: less(f"the rig is closer to {_BEST} than to {code}", mismatch[_BEST], mismatch[code])
+        for code in _OTHER
+    }
     rows = tuple(
         (
             code,
@@ -300,27 +285,19 @@ def _claim(results: Results) -> Finding:
             spread([100.0 * value for value in mismatch[code]], ".1f"),
             spread([100.0 * case.uncompensated_mismatch for case in cases(results, code)], ".0f"),
             spread([case.implemented_itae for case in cases(results, code)], ".2f"),
-            p_text(p_values[code]) if code in p_values else "",
+            p_text(closer[code].p_value) if code in closer else "",
         )
         for code, made in CODES.items()
     )
     heading = columns(prose("claim-4-1.columns", best=_BEST))
     return Finding(
-        claim_judgement(p_values),
+        judged(
+            statements=tuple(closer.values()),
+            evidence=f"On the rig all laws have the compensation of {LEVEL_V:g} V: assumed.",
+            reason="The models of the other types describe the compensated rig as well.",
+        ),
         (SideBySide(f"Simulated and implemented step, {len(SEEDS)} seeds", heading, rows),),
         text=(_IMPLEMENTED,),
-    )
-
-
-def claim_judgement(p_values: dict[str, float]) -> Judgement:
-    """Judge whether the models of type II are the closest."""
-    holds = max(p_values.values()) < LEVEL
-    words = ", ".join(f"{code}: {p_text(value)}" for code, value in p_values.items())
-    return judged(
-        agrees=holds,
-        same_ranking=False,
-        evidence=f"The step on the rig is closer to {_BEST} than to the other types, {words}.",
-        reason=f"At p < {LEVEL:g} it does not hold for all of them.",
     )
 
 

@@ -1,16 +1,14 @@
-"""Subjects, their findings, and the evidence that a verdict rests on."""
+"""Subjects, their findings, and the words and figures that they are made of."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import yaml
-from scipy import stats
 
 from flexarm_core.errors import FlexarmError
 
@@ -19,10 +17,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Results: TypeAlias = "Mapping[Call, Any]"
+    from reproduction.framework.verdicts import Figures, Judgement
 
-Figures: TypeAlias = "Sequence[float] | NDArray[np.float64] | NDArray[np.int_]"
-"""A figure of many runs, one per seed."""
+    Results: TypeAlias = "Mapping[Call, Any]"
 
 SENSORS = ("position", "base gauge", "middle gauge", "speed")
 """Words for the four sensors on the pages, in the order of `flexarm_ident`'s `ARM_OUTPUTS`."""
@@ -30,35 +27,11 @@ SEEDS = tuple(range(1, 21))
 """Seeds of the runs that a claim or a scatter rests on."""
 OFTEN = 0.5
 """An event in more than this share of the seeds occurs in most of them."""
-LEVEL = 0.05
-"""A claim holds when chance alone would bear it out as often in fewer than 5 % of all cases."""
 _THESIS, _TEXTS = (Path(__file__).parents[1] / name for name in ("thesis", "texts"))
 
 
 class ReproductionError(FlexarmError):
     """A request that cannot be run."""
-
-
-class Verdict(Enum):
-    """Relation of our result to the thesis's."""
-
-    AGREES = "agrees"
-    BY_CONSTRUCTION = "agrees by construction"
-    SAME_RANKING = "same ranking"
-    DIFFERS = "differs"
-    OURS = "our choice"
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """Verdict and its evidence: figures in one or two sentences, and the reason of a difference."""
-
-    verdict: Verdict
-    because: str
-
-    def __post_init__(self) -> None:
-        if not self.because.strip():
-            raise ValueError(f"a verdict ({self.verdict.value}) has to say what it rests on")
 
 
 @dataclass(frozen=True)
@@ -166,40 +139,6 @@ def columns(line: str) -> tuple[str, ...]:
     return tuple(line.split(" | "))
 
 
-def judged(
-    *,
-    agrees: bool,
-    same_ranking: bool,
-    evidence: str,
-    reason: str,
-    by_construction: bool = False,
-) -> Judgement:
-    """Judge by the two criteria of a subject.
-
-    Parameters
-    ----------
-    agrees, same_ranking : bool
-        The figures agree within the subject's tolerance; at least their order is the thesis's.
-    evidence : str
-        Our result, with figures.
-    reason : str
-        Reason of a difference; used only for one. Its figures are computed, as those of the
-        evidence are.
-    by_construction : bool
-        Whether what agrees was built by the thesis's words, and says little of our results.
-    """
-    if agrees:
-        return Judgement(Verdict.BY_CONSTRUCTION if by_construction else Verdict.AGREES, evidence)
-    if same_ranking:
-        return Judgement(Verdict.SAME_RANKING, evidence)
-    return Judgement(Verdict.DIFFERS, f"{evidence} {reason}".strip())
-
-
-def count(judgements: Sequence[Judgement]) -> Mapping[Verdict, int]:
-    """Count the verdicts of each kind."""
-    return {kind: sum(each.verdict is kind for each in judgements) for kind in Verdict}
-
-
 @cache
 def thesis_table(name: str) -> Any:  # noqa: ANN401 - each table has a shape of its own
     """Return a table of the thesis by the name of its file in `thesis`, such as ``table_2_4``."""
@@ -221,30 +160,6 @@ def prose(name: str, **values: object) -> str:
 def subject(key: str, needs: tuple[Call, ...], build: Callable[[Results], Finding]) -> Subject:
     """Return a subject with its title from the folder `texts`."""
     return Subject(key, prose(f"{key}.title", seeds=len(SEEDS)), needs, build)
-
-
-def sign_test(smaller: Figures, larger: Figures) -> float:
-    """Return the probability that chance makes as many pairs come out in this order.
-
-    The exact one-sided sign test; ties count against the claim.
-
-    Parameters
-    ----------
-    smaller, larger : sequence of float
-        Figures of the same runs; the claim is that the first is the smaller one.
-
-    Raises
-    ------
-    ValueError
-        For sequences of different lengths.
-    """
-    wins = sum(bool(a < b) for a, b in zip(smaller, larger, strict=True))
-    return float(stats.binomtest(wins, len(smaller), alternative="greater").pvalue)
-
-
-def p_text(p_value: float) -> str:
-    """Return a p-value as text."""
-    return f"p = {p_value:.2g}" if p_value >= 1e-4 else "p < 0.0001"  # noqa: PLR2004
 
 
 def spread(values: Figures, form: str = ".3f") -> str:

@@ -17,9 +17,15 @@ from flexarm_control.references import build_reference
 from flexarm_control.simulation import simulate
 from flexarm_daq import SimulatedRig
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_daq.experiments.excitation import EXCITATIONS
+from flexarm_daq.experiments.excitation import (
+    EXCITATIONS,
+    Bounded,
+    Held,
+    PeriodicRandom,
+    Random,
+)
 from flexarm_ident import IoData
-from reproduction.framework.study_rig import calm_rig, study_rig
+from reproduction.framework.study_rig import calm_rig, choices, study_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -97,7 +103,7 @@ def run_experiment(entry: Experiment, parameters: RigParameters, seed: int) -> I
         reference = build_reference(entry.reference, profile)
         law, reference_v = build_law(entry.law, entry.gains), [reference(each) for each in time_s]
     else:
-        law = _OpenLoop(EXCITATIONS[entry.waveform](entry.magnitude_v, seed), entry.rate_hz)
+        law = _OpenLoop(_excitation(entry, seed), entry.rate_hz)
         reference_v = [0.0] * entry.samples
     run = simulate(rig, law, np.array(reference_v))
     return IoData(
@@ -109,6 +115,18 @@ def run_experiment(entry: Experiment, parameters: RigParameters, seed: int) -> I
         compensation=run.compensation if entry.law else None,
         reference=run.reference_v if entry.law else None,
     )
+
+
+def _excitation(entry: Experiment, seed: int) -> Excitation:
+    magnitude_v, hold_s = entry.magnitude_v, choices().hold_s
+    match entry.waveform:
+        case "periodic_random":
+            return PeriodicRandom(magnitude_v, seed, hold_s)
+        case "random":
+            return Random(magnitude_v, seed, hold_s)
+        case "bounded_random":
+            return Bounded(magnitude_v, Held(seed, hold_s))
+    return EXCITATIONS[entry.waveform](magnitude_v, seed)
 
 
 class _OpenLoop:

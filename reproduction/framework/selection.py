@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     from reproduction.framework.findings import Subject
 
 ALL = "all"
-APPENDICES = "appendices"
+APPENDICES, SENSITIVITY = "appendices", "sensitivity"
 KINDS = ("table", "appendix", "figure", "claim", "choice")
 """Kinds of subjects, in the order of a page."""
+# After the chapters.
+_PAGES = {APPENDICES: "~1", SENSITIVITY: "~2"}
 _KEY = re.compile(rf"({'|'.join(KINDS)})-(\d+|[a-z])(?:-(\d+)([a-z]?))?")
 
 
@@ -37,9 +39,11 @@ def in_order(subjects: Sequence[Subject]) -> tuple[Subject, ...]:
 
 
 def page_of(key: str) -> str:
-    """Return the page that a subject belongs on: ``chapter-2`` or ``appendices``."""
+    """Return the page that a subject belongs on: ``chapter-2``, ``appendices``, ``sensitivity``."""
     part = _parts(key)[1]
-    return f"chapter-{part}" if part.isdigit() else APPENDICES
+    if part.isdigit():
+        return f"chapter-{part}"
+    return SENSITIVITY if part == SENSITIVITY[0] else APPENDICES
 
 
 def select(subjects: Sequence[Subject], wanted: Sequence[str]) -> tuple[Subject, ...]:
@@ -82,7 +86,7 @@ def _near(name: str, subjects: Sequence[Subject]) -> str:
 
 def _place(key: str) -> tuple[str, int, str, int, str]:
     kind, part, number, letter = _parts(key)
-    return page_of(key).replace(APPENDICES, "~"), KINDS.index(kind), part, int(number or 0), letter
+    return _PAGES.get(page_of(key), page_of(key)), KINDS.index(kind), part, int(number or 0), letter
 
 
 def _parts(key: str) -> tuple[str, str, str, str]:

@@ -20,7 +20,8 @@ from reproduction.appendices.nominal_models import FREQUENCIES_HZ, IdentifiedMod
 from reproduction.appendices.strain_sign import Examined
 from reproduction.chapter2 import excitation
 from reproduction.chapter2.excitation import Signal
-from reproduction.framework.findings import Finding, Verdict, thesis_table
+from reproduction.framework.findings import Finding, thesis_table
+from reproduction.framework.verdicts import Verdict
 
 SUBJECTS = tuple(
     subject
@@ -113,7 +114,7 @@ COMMANDS_V = np.array(excitation._COMMANDS_V)
     ("current_a", "verdict"),
     [
         (0.5 * np.clip(COMMANDS_V, -10.0, 10.0), Verdict.BY_CONSTRUCTION),
-        (np.sign(COMMANDS_V) * np.abs(COMMANDS_V) ** 1.3, Verdict.SAME_RANKING),
+        (np.sign(COMMANDS_V) * np.abs(COMMANDS_V) ** 1.3, Verdict.DIFFERS),
         (0.5 * np.clip(COMMANDS_V, -6.0, 6.0), Verdict.DIFFERS),
     ],
 )
@@ -199,12 +200,21 @@ def test_bounded___turns_elsewhere_or_other_magnitude___differs(
     assert finding.judgement.verdict is Verdict.DIFFERS
 
 
-@pytest.mark.parametrize("payload_kg", nominal_payloads_kg())
-def test_nominal_model___beside_itself___agrees(payload_kg: float) -> None:
-    same = nominal_models.described(nominal_model(payload_kg))
-    finding = nominal_models.compare(payload_kg, (same, same))
+def test_nominal_model___beside_itself___agrees() -> None:
+    same = nominal_models.described(nominal_model(0.0))
+    finding = nominal_models.compare(0.0, (same, same))
     assert finding.judgement.verdict is Verdict.AGREES
     assert len(finding.plots) == 4
+
+
+@pytest.mark.parametrize("payload_kg", nominal_payloads_kg()[1:])
+def test_nominal_model___with_modes_that_a_mass_would_raise___is_not_comparable(
+    payload_kg: float,
+) -> None:
+    same = nominal_models.described(nominal_model(payload_kg))
+    judgement = nominal_models.compare(payload_kg, (same,)).judgement
+    assert judgement.verdict is Verdict.NOT_COMPARABLE
+    assert "a mass can only lower a frequency" in judgement.because
 
 
 def changed(gain: float, mode: float = 1.0) -> IdentifiedModel:
@@ -218,8 +228,8 @@ def changed(gain: float, mode: float = 1.0) -> IdentifiedModel:
     ("ours", "verdict"),
     [
         (changed(1.35), Verdict.AGREES),
-        (changed(1.5), Verdict.SAME_RANKING),
-        (changed(1.0, mode=1.2), Verdict.DIFFERS),
+        (changed(1.5), Verdict.PARTLY),
+        (changed(1.5, mode=1.2), Verdict.DIFFERS),
     ],
 )
 def test_nominal_model___beside_a_changed_one___is_told(
@@ -232,14 +242,6 @@ def test_nominal_model___other_order_of_the_channels___differs() -> None:
     printed = changed(1.0)
     ours = IdentifiedModel(printed.response[:, ::-1], printed.modes)
     assert nominal_models.compare(0.0, (ours,)).judgement.verdict is Verdict.DIFFERS
-
-
-def test_nominal_model___mode_above_that_without_payload___is_said_to_be_impossible() -> None:
-    ours = nominal_models.described(nominal_model(0.2))
-    moved = IdentifiedModel(ours.response, ((0.9, 0.5), (7.4, 0.05), (20.6, 0.02)))
-    because = nominal_models.compare(0.2, (moved,)).judgement.because
-    assert "a mass can only lower it" in because
-    assert "23.5 Hz are printed" in because
 
 
 @pytest.mark.parametrize("off_db", [0.0, 4.0, -4.0])
@@ -258,7 +260,7 @@ GOOD = Examined(((11.0, 60.0),) * 3, ((11.0, 60.0),) * 3, 0.59, 4.3, 0.25, 3.4)
     ("printed", "turned", "verdict", "words"),
     [
         (GOOD, replace(GOOD, kp=0.1), Verdict.AGREES, "3 of 3"),
-        (replace(GOOD, ksg=0.1), GOOD, Verdict.SAME_RANKING, "3 of 3"),
+        (replace(GOOD, ksg=0.1), GOOD, Verdict.SAME_CONCLUSIONS, "3 of 3"),
         (replace(GOOD, ksg=0.1, slow=((9.0, 60.0),) * 3), GOOD, Verdict.DIFFERS, "other sign"),
         (
             replace(GOOD, slow=((11.0, 50.0),) * 3),

@@ -11,7 +11,7 @@ from flexarm_daq.rigs.beam import natural_frequencies_hz
 from reproduction.calibration.figures import figures_of, parts
 from reproduction.chapter2.order_survey import set_point_record
 from reproduction.framework.rig import simulated_record
-from reproduction.framework.study_rig import STUDY_RIG, studied_on, study_rig
+from reproduction.framework.study_rig import CHOICES, STUDY_RIG, studied_with, study_rig
 
 MODES_HZ = (9.0, 25.0, 48.0)
 """Of the thesis's arm, by its analysis."""
@@ -24,7 +24,7 @@ def test_rig_of_the_study___has_the_modes_of_the_thesis_within_6_percent() -> No
 def test_another_rig___inside_the_block___is_the_one_of_the_study() -> None:
     quiet = replace(STUDY_RIG, noise_v=(0.0, 0.0, 0.0, 0.0))
     loud = simulated_record("C_dat3", 1).y
-    with studied_on(quiet):
+    with studied_with(replace(CHOICES, rig=quiet)):
         assert study_rig(0.2) == replace(quiet, payload_kg=0.2)
         calm = simulated_record("C_dat3", 1).y
         followed = set_point_record(300.0, 0.0, 1).y

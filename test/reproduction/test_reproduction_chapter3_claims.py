@@ -11,7 +11,6 @@ from reproduction.chapter3.claims import CODES, NOISES
 from reproduction.chapter3.drift import (
     RIGS,
     drift_calls,
-    drift_reason,
     drift_table,
     full_model_errors,
 )
@@ -32,16 +31,17 @@ from reproduction.chapter3.trial import (
     reduction_trial,
     trials,
 )
-from reproduction.framework.findings import Call, Verdict
+from reproduction.framework.findings import Call
+from reproduction.framework.verdicts import Verdict
 from support.chapter3_trials import NO_STAGES, trial
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from reproduction.framework.findings import Judgement
+    from reproduction.framework.verdicts import Judgement
 
     Levels = Mapping[tuple[str, str], Sequence[float]]
-AGREES, RANKING, DIFFERS = Verdict.AGREES, Verdict.SAME_RANKING, Verdict.DIFFERS
+AGREES, PARTLY, DIFFERS = Verdict.AGREES, Verdict.PARTLY, Verdict.DIFFERS
 UPDATES = ("updated", "updated_mrmc", "updated_msv")
 
 
@@ -67,7 +67,7 @@ def test_claim_3_1___mrm_has_to_be_better_in_every_case() -> None:
 
     assert verdict(lost=0) is AGREES
     assert verdict(lost=5) is AGREES
-    assert verdict(lost=8) is RANKING
+    assert verdict(lost=8) is PARTLY
     assert verdict(lost=15) is DIFFERS
 
 
@@ -76,15 +76,15 @@ def test_claim_3_2___the_update_has_to_be_better() -> None:
         def levels(_code: str, _seed: int) -> Levels:
             reduced = {(way, "dmv"): [0.5] * 4 for way in ("mrm", "msv", "mrmc")}
             by_b = {(name, "dmv"): [after] * 4 for name in UPDATES}
+            by_b["updated_msv", "dmv"] = [1.2 * after] * 4
             other = {(f"{name}_c", "dmv"): [by_c] * 4 for name in UPDATES}
             return {(INITIAL, "dmv"): [0.3] * 4, **reduced, **by_b, **other}
 
         return claims.claim_update(claim_trials(CODES, levels)).judgement
 
     assert judgement(0.4, 0.2).verdict is AGREES
-    assert "0 times when B is updated and 400 times when C is" in judgement(0.4, 0.2).because
     # It never ends below the full model.
-    assert judgement(0.4, 0.35).verdict is RANKING
+    assert judgement(0.4, 0.35).verdict is DIFFERS
     assert judgement(0.6, 0.2).verdict is DIFFERS
 
 
@@ -101,7 +101,7 @@ def test_claim_3_3___the_stable_one_has_to_be_better() -> None:
         return claims.claim_unstable(claim_trials(codes, levels)).judgement
 
     assert judgement(0.35).verdict is AGREES
-    assert judgement(0.35, seeds_lost=8).verdict is RANKING
+    assert judgement(0.35, seeds_lost=8).verdict is PARTLY
     assert judgement(0.25).verdict is DIFFERS
     assert "Reduced to 10 states" in judgement(0.25).because
     assert "0.300 in the position when it comes from the stable one and 0.250 from the" in (
@@ -138,7 +138,7 @@ def test_claim_3_4___both_kinds_have_to_be_kept() -> None:
     some["Ac3_18", LOW][0] = replace(
         some["Ac3_18", LOW][0], stages={**some["Ac3_18", LOW][0].stages, "mrmc": flexible}
     )
-    assert claims.claim_mrmc(some).judgement.verdict is RANKING
+    assert claims.claim_mrmc(some).judgement.verdict is DIFFERS
 
 
 def test_errors___of_trials() -> None:
@@ -196,14 +196,11 @@ def test_trial___of_the_unstable_example___has_one_real_eigenvalue_outside() -> 
 
 def test_drift___is_less_without_friction_gear_play_and_noise() -> None:
     as_it_is, *_, easiest = (full_model_errors("Ao2_19", rig, 1) for rig in RIGS)
-    assert easiest[0] < 0.5 * as_it_is[0]
+    assert easiest[0] < 0.75 * as_it_is[0]
     results = dict.fromkeys(drift_calls("Ao2_19"), as_it_is)
     table = drift_table("Ao2_19", results)
     assert [row[0] for row in table.rows] == list(RIGS)
     assert table.rows[0][1] == f"{as_it_is[0]:.3f}"
-    words = drift_reason("Ao2_19", results, 0.05)
-    assert f"has {as_it_is[0]:.3f} (as it is), " in words
-    assert words.endswith("the thesis's has 0.050.")
 
 
 def test_trials___are_looked_up_by_seed() -> None:

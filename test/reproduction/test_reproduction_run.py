@@ -13,15 +13,9 @@ from flexarm_core.workers import Workers
 from reproduction.contents import all_subjects
 from reproduction.framework import computing
 from reproduction.framework.computing import Outcome, Store, reproduce
-from reproduction.framework.findings import (
-    Call,
-    Finding,
-    Judgement,
-    ReproductionError,
-    Subject,
-    Verdict,
-)
+from reproduction.framework.findings import Call, Finding, ReproductionError, Subject
 from reproduction.framework.selection import page_of, select
+from reproduction.framework.verdicts import Judgement, Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -209,7 +203,7 @@ def test_page_of___no_key___is_refused(key: str) -> None:
 def test_all_subjects___the_thesis___stand_in_its_order() -> None:
     keys = [each.key for each in all_subjects()]
     pages = list(dict.fromkeys(map(page_of, keys)))
-    assert pages == ["chapter-2", "chapter-3", "chapter-4", "appendices"]
+    assert pages == ["chapter-2", "chapter-3", "chapter-4", "appendices", "sensitivity"]
     wanted = [f"table-2-{n}" for n in range(1, 7)]
     assert [key for key in keys if key.startswith("table-2-")] == wanted
     last_of_chapter_2 = [key for key in keys if page_of(key) == "chapter-2"][-1]

@@ -13,7 +13,8 @@ from click.testing import CliRunner
 
 from flexarm_bringup.console import terminal
 from reproduction import __main__ as program
-from reproduction.framework.findings import Call, Finding, SideBySide, Subject, Verdict, judged
+from reproduction.framework.findings import Call, Finding, SideBySide, Subject
+from reproduction.framework.verdicts import Verdict, judged
 from support.project import PROJECT
 from support.system_graph import FIRST_WORD
 

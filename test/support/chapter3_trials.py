@@ -71,7 +71,7 @@ def trial(
 def printed_levels(rows: Sequence[ThesisRow]) -> dict[tuple[str, str], Sequence[float]]:
     """Return the thesis's own errors, and some for what it does not print."""
     levels: dict[tuple[str, str], Sequence[float]] = {
-        (row.stage, row.validation): (row.mean,) * 4 for row in rows
+        (row.stage, row.validation): row.delta for row in rows
     }
     levels["balanced", "dmv"] = (0.5,) * 4
     for name in ("updated_c", "updated_msv", "updated_msv_c"):

@@ -26,7 +26,8 @@ DIRECTION_HZ: Final = 0.5
 VARYING_HZ: Final = (0.6, 3.0)
 """Frequencies of the varying square waveform (2.4.1, item 3)."""
 HOLD_S: Final = 0.01
-"""Hold time of a random magnitude. Chosen here: its spectrum is flat over the modes below 50 Hz."""
+"""Hold time of a random magnitude unless told otherwise. Chosen here: its spectrum is flat over the
+modes below 50 Hz."""
 PULSE_S: Final = 0.1
 """Length of a pulse; another one of the other sign follows it and stops the arm."""
 PAUSE_S: Final = 0.3
@@ -58,16 +59,17 @@ class Excitation(Protocol):
 
 @dataclass
 class Held:
-    """Random numbers of a seed, uniform on [0, 1), each held for `HOLD_S`."""
+    """Random numbers of a seed, uniform on [0, 1), each held for a time."""
 
     seed: int
+    hold_s: float = HOLD_S
 
     def __post_init__(self) -> None:
         self.reset()
 
     def at(self, time_s: float) -> float:
         """Return the number at a time that does not decrease."""
-        index = int((time_s + _ROUNDING_S) / HOLD_S)
+        index = int((time_s + _ROUNDING_S) / self.hold_s)
         while self._index < index:
             self._index += 1
             self._value = float(self._random.random())
@@ -104,9 +106,10 @@ class _HeldRandom:
 
     magnitude_v: float
     seed: int
+    hold_s: float = HOLD_S
 
     def __post_init__(self) -> None:
-        self._held = Held(self.seed)
+        self._held = Held(self.seed, self.hold_s)
 
     def reset(self) -> None:
         """Begin again from the start."""

@@ -97,7 +97,8 @@ def fit_inputs(
         Weight each output by the inverse of a first fit's residual instead of its RMS, so that
         outputs with little noise count more.
     at_rest : bool
-        Let every record start from rest, as (2-14) does.
+        Fit as (2-14) and (2-17) are printed: every record starts from rest, and no output has a
+        weight.
 
     Raises
     ------
@@ -246,7 +247,7 @@ def _solved(
     at_rest: bool,
 ) -> OutputFit:
     power = _mean(problem.powers, records)
-    weight = _inverse(power)
+    weight = np.ones_like(power) if at_rest else _inverse(power)
     if noise_weighted:
         missed = _mean(problem.solve(weight, refined=False, at_rest=at_rest).missed, records)
         weight = _inverse(np.maximum(missed, _SMALLEST_NOISE**2 * power))

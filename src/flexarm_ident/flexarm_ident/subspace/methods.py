@@ -64,7 +64,8 @@ class Method:
     consistent_under_feedback : bool
         Whether it is consistent where inputs were computed from the outputs.
     at_rest : bool
-        Whether records start from rest; otherwise their initial states are fitted.
+        Whether records start from rest and B is fitted without weights, as (2-14) and (2-17) are
+        printed; otherwise initial states are fitted.
     """
 
     name: str

@@ -1,0 +1,231 @@
+"""Choices that the thesis leaves open: what each of them does to the figures of every chapter.
+
+A choice is taken by what the thesis's text says. Where it says nothing, that value is taken with
+which the figures of all chapters together lie nearest, before any verdict is counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_control.design.criteria import itae, step_itae
+from flexarm_control.design.step_response import pdp_step_response
+from flexarm_control.laws.gains import PdpGains
+from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
+from reproduction.calibration.figures import RUNS_AWAY, figures_of, parts
+from reproduction.calibration.points import CHAPTERS, summed
+from reproduction.framework.findings import (
+    SEEDS,
+    Call,
+    Finding,
+    SideBySide,
+    prose,
+    subject,
+    thesis_table,
+)
+from reproduction.framework.study_rig import CHOICES
+from reproduction.framework.verdicts import Judgement, Verdict
+
+if TYPE_CHECKING:
+    from reproduction.calibration.figures import Changes, Figure, Settings
+    from reproduction.framework.findings import Results
+
+SWEEP_SEEDS = SEEDS[:2]
+NM_PER_V = 0.55
+"""Torque of the drive with the gear, which friction in volts is told by."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A choice: its parameter of the rig or its setting, the values, and how they are written.
+
+    `records` are the experiments that it matters to; without them all figures are computed.
+    """
+
+    parameter: str
+    values: tuple[float, ...]
+    unit: str
+    factor: float = 1.0
+    of_rig: bool = False
+    records: tuple[str, ...] = ()
+
+    @property
+    def taken(self) -> float:
+        """Value of the study."""
+        return float(getattr(CHOICES.rig if self.of_rig else CHOICES, self.parameter))
+
+    def text(self, value: float) -> str:
+        """Return a value as it is told."""
+        return f"{self.factor * value:g} {self.unit}".strip()
+
+    def calls(self, value: float) -> tuple[Call, ...]:
+        """Return the computations of the figures with a value."""
+        changes: Changes = ((self.parameter, value),) if self.of_rig else ()
+        settings: Settings = () if self.of_rig else ((self.parameter, value),)
+        if value == self.taken:
+            changes, settings = (), ()
+        kinds = [("table", record) for record in self.records] or [
+            call.arguments[:2] for call in parts((), SWEEP_SEEDS[:1])
+        ]
+        return tuple(
+            Call(figures_of, (*kind, changes, seed, settings))
+            for kind in kinds
+            for seed in SWEEP_SEEDS
+        )
+
+
+CHOICES_SWEPT = {
+    "choice-s-1": Choice(
+        *("hold_s", (0.002, 0.01, 0.05), "ms", 1e3),
+        records=("O_dat5", "O_dat6", "O_dat13", "O_dat14", "B_dat1", "B_dat3"),
+    ),
+    "choice-s-2": Choice(
+        *("coulomb_friction_nm", (0.22, 0.275, 0.352, 0.385), "V", 1.0 / NM_PER_V), of_rig=True
+    ),
+    "choice-s-3": Choice("base_gauge_v_per_nm", (1.6, 2.4), "V/(N m)", of_rig=True),
+    "choice-s-4": Choice("loop_delay_s", (5e-4, 1e-3, 2e-3, 3e-3), "ms", 1e3, of_rig=True),
+    "choice-s-5": Choice("block_rows", (20, 30, 40, 60), ""),
+}
+
+
+def _swept(key: str, results: Results) -> Finding:
+    choice = CHOICES_SWEPT[key]
+    found = {
+        value: [figure for call in choice.calls(value) for figure in results[call]]
+        for value in choice.values
+    }
+    rows = _record_rows if choice.records else _chapter_rows
+    headings, cells, distances = rows(found)
+    nearest = min(distances, key=lambda value: distances[value])
+    marked = tuple(
+        (f"{choice.text(value)}{' (taken)' * (value == choice.taken)}", *cells[value])
+        for value in choice.values
+    )
+    listed = ", ".join(f"{far:.2f} ({choice.text(value)})" for value, far in distances.items())
+    return Finding(
+        Judgement(
+            Verdict.OURS,
+            f"{choice.text(choice.taken)}. Distance of the figures: {listed}; nearest is "
+            f"{choice.text(nearest)}. {prose(f'{key}.rule')}",
+        ),
+        (SideBySide(f"Seeds {_seeds()}", ("value", *headings), marked),),
+    )
+
+
+def _seeds() -> str:
+    return " and ".join(map(str, SWEEP_SEEDS))
+
+
+def _chapter_rows(
+    found: dict[float, list[Figure]],
+) -> tuple[tuple[str, ...], dict[float, tuple[str, ...]], dict[float, float]]:
+    points = {value: summed({}, figures) for value, figures in found.items()}
+    away = {
+        value: [each.ours for each in figures if each.name == f"B_dat9, {RUNS_AWAY}"]
+        for value, figures in found.items()
+    }
+    cells = {
+        value: (
+            *(f"{point.within[each]} of {point.figures[each]}" for each in CHAPTERS),
+            f"{point.total}",
+            f"{point.distance:.2f}",
+            f"{sum(away[value]):.0f} of {len(away[value])}",
+        )
+        for value, point in points.items()
+    }
+    names = (f"{'appendix' if each == 'B' else 'chapter'} {each}" for each in CHAPTERS)
+    headings = (*names, "all", "distance", "2-12 runs away")
+    return headings, cells, {value: point.distance for value, point in points.items()}
+
+
+def _record_rows(
+    found: dict[float, list[Figure]],
+) -> tuple[tuple[str, ...], dict[float, tuple[str, ...]], dict[float, float]]:
+    names = list(dict.fromkeys(each.name for each in next(iter(found.values()))))
+    names = [name for name in names if "mean error" in name]
+    cells, distances = {}, {}
+    theirs = {each.name: each.thesis for each in next(iter(found.values()))}
+    for value, figures in found.items():
+        ours = {
+            name: float(np.mean([each.ours for each in figures if each.name == name]))
+            for name in names
+        }
+        far = float(np.mean([abs(np.log(ours[name] / theirs[name])) for name in names]))
+        distances[value] = far / np.log(1.5)
+        cells[value] = (*(f"{ours[name]:.3f}" for name in names), f"{distances[value]:.2f}")
+    headings = (*(f"{name} (thesis {theirs[name]:.3f})" for name in names), "distance")
+    return headings, cells, distances
+
+
+HORIZONS_S = (2.0, 3.0, 3.5, 4.0, 5.0)
+
+
+def criterion_sums(length_s: float) -> tuple[float, float, float]:
+    """Return the sums of E, of Y and of Y's base gauge alone, for the gains of Table 4-2.
+
+    They are on the printed models with y3 turned.
+    """
+    printed = thesis_table("table_4_2")
+    gains = PdpGains(*(printed[name] for name in ("kp", "kd", "ksg")))
+    sums = np.zeros(3)
+    for payload_kg in nominal_payloads_kg():
+        model = nominal_model(payload_kg, flip_middle_strain=True)
+        y = pdp_step_response(model, gains, round(length_s / float(model.dt)))
+        base_v = y[:, 1] / np.abs(y[:, 1]).max()
+        sums += (*step_itae(y, dt_s=float(model.dt)), itae(base_v, dt_s=float(model.dt)))
+    error, strain, base = sums.tolist()
+    return error, strain, base
+
+
+def _horizon(results: Results) -> Finding:
+    printed = thesis_table("table_4_2")
+    sums = {length_s: results[Call(criterion_sums, (length_s,))] for length_s in HORIZONS_S}
+    off = {
+        length_s: abs(np.log(error / printed["error_itae_sum"]))
+        for length_s, (error, *_) in sums.items()
+    }
+    nearest = min(off, key=lambda length_s: off[length_s])
+    thesis = (
+        *("thesis", f"{printed['error_itae_sum']:.3f}", f"{printed['strain_itae_sum']:.3f}"),
+        *("", f"{printed['criterion']:.3f}"),
+    )
+    rows = tuple(
+        (
+            f"{length_s:g} s{' (taken)' * (length_s == CHOICES.criterion_s)}",
+            *(f"{each:.3f}" for each in each_of),
+            f"{each_of[0] + each_of[1]:.3f}",
+        )
+        for length_s, each_of in sums.items()
+    )
+    return Finding(
+        Judgement(
+            Verdict.OURS,
+            f"{CHOICES.criterion_s:g} s. The sum of E of the thesis's gains comes nearest to the "
+            f"printed one with {nearest:g} s. {prose('choice-s-6.rule')}",
+        ),
+        (
+            SideBySide(
+                "The gains of Table 4-2 on the models of Appendix B, y3 turned",
+                ("length", "sum of E", "sum of Y", "of the base gauge alone", "E + Y"),
+                (thesis, *rows),
+            ),
+        ),
+    )
+
+
+def _calls(choice: Choice) -> tuple[Call, ...]:
+    return tuple(dict.fromkeys(call for value in choice.values for call in choice.calls(value)))
+
+
+SUBJECTS = (
+    *(subject(key, _calls(choice), partial(_swept, key)) for key, choice in CHOICES_SWEPT.items()),
+    subject(
+        "choice-s-6",
+        tuple(Call(criterion_sums, (length_s,)) for length_s in HORIZONS_S),
+        _horizon,
+    ),
+)
