@@ -112,8 +112,7 @@ def waveform_judgement(errors: Mapping[str, Figures]) -> Judgement:
             ),
         ),
         evidence=f"From the best to the worst: {', '.join(ranking)}.",
-        reason=f"On our rig the {ranking[-1]} one is the worst: friction costs it most, and claim "
-        "2-7 shows its error without noise.",
+        reason=f"On our rig the {ranking[-1]} one is the worst.",
     )
 
 

@@ -238,7 +238,7 @@ def step_judgement(
         evidence="With the thesis's weights and K_I. With ours: "
         + "; ".join(each.text for each in _statements(setpoint_v, ours))
         + ".",
-        reason=f"The swing in the last 2 s is {_median(printed, 'last_swing_v'):.3f} V with the "
+        reason=f"The swing at the end is {_median(printed, 'last_swing_v'):.3f} V with the "
         f"thesis's weights, {_median(ours, 'last_swing_v'):.3f} V with ours, medians.",
     )
 

@@ -23,7 +23,7 @@ from reproduction.framework.verdicts import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from reproduction.framework.findings import Results
 
@@ -66,7 +66,7 @@ def _claim(results: Results) -> Finding:
     )
 
 
-def rivals_judgement(better: dict[float, Sequence[Statement]]) -> Judgement:
+def rivals_judgement(better: Mapping[float, Sequence[Statement]]) -> Judgement:
     """Judge whether PDPC is the better one, by error or overshoot at each set-point."""
     return judged(
         statements=[

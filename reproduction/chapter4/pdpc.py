@@ -210,7 +210,7 @@ def payload_judgement(steps: Sequence[StepTrial]) -> Judgement:
         ),
         evidence=f"In {len(steps)} steps with 0, 200 and 400 g the error is at most {error_v:.3f} "
         f"V and the overshoot at most {overshoot:.1%}, with one set of gains.",
-        reason="Friction decides where a step of 1 V ends.",
+        reason="Friction decides where the smallest step ends.",
     )
 
 

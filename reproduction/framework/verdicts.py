@@ -164,7 +164,8 @@ class Beside:
         )
 
     def _off(self, ours: tuple[float, ...] | float) -> NDArray[np.float64]:
-        return np.abs(np.log(np.asarray(ours) / np.asarray(self.thesis)))
+        ratios = np.asarray(ours, dtype=float) / np.asarray(self.thesis)
+        return np.asarray(np.abs(np.log(ratios)), dtype=np.float64)
 
 
 @dataclass(frozen=True)

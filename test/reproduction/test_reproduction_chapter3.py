@@ -224,4 +224,4 @@ def test_table_3_6___is_judged_by_errors_and_their_order() -> None:
         lambda mean, kind: np.inf if kind == "sfv" and mean > 0.65 else mean
     )
     assert verdict in (SAME, AGREES, PARTLY)
-    assert "runs away with Ao10r_9;" in because
+    assert "runs away with Ao10r_9." in because

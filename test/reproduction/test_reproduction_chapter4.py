@@ -281,7 +281,8 @@ def test_claim_4_4___pdpc_has_to_be_better_in_error_or_overshoot(
 
 def test_claim_4_7___refers_to_the_figures_of_both_steps() -> None:
     results = dict.fromkeys(
-        (*ilqr.needs_at(3.0, ilqr.PRINTED), *ilqr.needs_at(5.0, ilqr.PRINTED)), ilqr_trial()
+        (*ilqr.needs_at(3.0, ilqr_designs.PRINTED), *ilqr.needs_at(5.0, ilqr_designs.PRINTED)),
+        ilqr_trial(),
     )
     judgement = finding_of("claim-4-7", results).judgement
     assert judgement.verdict is Verdict.ELSEWHERE

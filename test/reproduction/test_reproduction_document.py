@@ -126,7 +126,7 @@ def test_write_document___failed_subject___is_left_out(tmp_path: Path) -> None:
     failed = Outcome(OUTCOMES[0].subject, None, "ValueError: no")
     write_document((failed, *OUTCOMES[1:]), tmp_path, complete=True)
     assert "table-2-1" not in (tmp_path / "chapter-2.md").read_text("utf-8")
-    assert "table-2-1" not in (tmp_path / "index.md").read_text("utf-8")
+    assert "chapter-2.md#table-2-1" not in (tmp_path / "index.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("module", [findings, tables])

@@ -108,7 +108,6 @@ def test_texts_of_reasons___are_all_that_have_the_name_and_what_goes_into_them()
     parts = ("kept", "left_out", "correlation")
     into_them = {
         "chapter-2.leaving",
-        *(f"figure-3-x.{part}_reason" for part in ("more", "full", "drift")),
         *(f"table-3-x-parts.{part}" for part in parts),
     }
     assert named | into_them <= texts_of_reasons()

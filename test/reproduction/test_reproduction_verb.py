@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from flexarm_bringup.console import terminal
 from reproduction import __main__ as program
 from reproduction.framework.findings import Call, Finding, SideBySide, Subject
-from reproduction.framework.verdicts import Verdict, judged
+from reproduction.framework.verdicts import Verdict, exactly, judged
 from support.project import PROJECT
 from support.system_graph import FIRST_WORD
 
@@ -30,8 +30,7 @@ ROOT, WRONG = Call(math.sqrt, (9.0,)), Call(operator.truediv, (1, 0))
 
 def _built(results: Results) -> Finding:
     judgement = judged(
-        agrees=results[ROOT] == 4.0,
-        same_ranking=False,
+        statements=(exactly("the root is four", holds=results[ROOT] == 4.0),),
         evidence="ours is [3].",
         reason="Because.",
     )
@@ -87,7 +86,7 @@ def test_reproduce___finding___is_shown_with_both_figures_and_the_verdict() -> N
         "A root [of nine]",
         "Roots",
         "[4]",
-        "differs: ours is [3]. Because.",
+        "ours is [3]. Because.",
         "differs 1",
     ):
         assert words in text
