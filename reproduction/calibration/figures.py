@@ -6,12 +6,14 @@ one rig takes seconds and not minutes.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from flexarm_control.models.nominal_models import nominal_model
+from flexarm_ident import IdentificationError
 from reproduction.appendices.nominal_models import described, gains_off_db, identified_once
 from reproduction.chapter2.order_survey import TABLE_OF, survey_once
 from reproduction.chapter3.examples import (
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from flexarm_daq import RigParameters
+    from reproduction.chapter3.examples import ReductionTrial
 
 Changes = tuple[tuple[str, float | tuple[float, ...]], ...]
 """Parameters of a rig that differ from `STUDY_RIG`, by name."""
@@ -125,19 +128,24 @@ def _record(name: str, seed: int) -> list[Figure]:
 
 def _example(code: str, seed: int) -> list[Figure]:
     number = next(number for number, each in TABLES.items() if each == code).replace("-", "_")
-    trial = reduction_trial(code, THESIS, seed)
+    rows, table = thesis_rows(thesis_table(f"table_{number}b")), thesis_table(f"table_{number}a")
+    trial: ReductionTrial | None = None
+    # A rig without such a model is as far off as figures can be.
+    with suppress(IdentificationError):
+        trial = reduction_trial(code, THESIS, seed)
     found = [
         Figure(
             "3",
             f"{code}, {row.stage}, {row.validation}, {sensor}",
             theirs,
-            getattr(trial.stages[row.stage], row.validation)[k],
+            getattr(trial.stages[row.stage], row.validation)[k] if trial else np.inf,
             SLACK,
         )
-        for row in thesis_rows(thesis_table(f"table_{number}b"))
+        for row in rows
         for k, (sensor, theirs) in enumerate(zip(SENSORS, row.delta, strict=True))
     ]
-    table = thesis_table(f"table_{number}a")
+    if trial is None:
+        return found
     printed = {mode.label: mode.damping for mode in thesis_modes(table)}
     known_hz = EXAMPLES[code].known_modes_hz
     ours = {mode.label: mode for mode in trial.modes}
