@@ -1,4 +1,4 @@
-"""How near the figures of a rig lie to the thesis's, chapter by chapter."""
+"""Distances of the figures of a rig from those of the thesis, chapter by chapter."""
 
 from __future__ import annotations
 

@@ -40,11 +40,11 @@ def test_parts___of_a_rig___are_of_all_chapters() -> None:
 
 
 @pytest.mark.slow
-def test_figures___of_a_gauge_with_twice_the_gain___double_its_gain_in_the_model() -> None:
-    twice = (("base_gauge_v_per_nm", 2.0 * STUDY_RIG.base_gauge_v_per_nm),)
-    plain, doubled = (figures_of("nominal", "0", changes, 1) for changes in ((), twice))
-    assert doubled[1].ours == pytest.approx(2.0 * plain[1].ours, rel=0.1)
-    assert doubled[0].ours == pytest.approx(plain[0].ours, rel=0.1)
+def test_figures___of_a_gauge_with_half_the_gain___halve_its_gain_in_the_model() -> None:
+    half = (("base_gauge_v_per_nm", 0.5 * STUDY_RIG.base_gauge_v_per_nm),)
+    plain, halved = (figures_of("nominal", "0", changes, 1) for changes in ((), half))
+    assert halved[1].ours == pytest.approx(0.5 * plain[1].ours, rel=0.1)
+    assert halved[0].ours == pytest.approx(plain[0].ours, rel=0.1)
 
 
 def test_figures___of_the_tracking___are_within_a_twentieth_of_a_volt() -> None:
