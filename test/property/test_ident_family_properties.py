@@ -136,7 +136,8 @@ def test_identify___one_record_given_twice___same_model(method: str, seed: int) 
     agree(found(data, method).model, found([data, data], method).model, 1e-6)
 
 
-@every_method
+# As it is printed, (2-17) weighs an output by its unit: the thesis divides by maxima before.
+@pytest.mark.parametrize("method", [each for each in METHODS if each != "orse_thesis"])
 @few
 @given(
     SEEDS,
