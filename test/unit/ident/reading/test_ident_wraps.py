@@ -57,6 +57,14 @@ def test_angle___that_wraps___has_its_turns_counted(
     expect_angle(undone(y), angle, period)
 
 
+@pytest.mark.parametrize("period", [360.0, 2.0 * math.pi, 4096.0, 65536.0])
+def test_angle___that_vibrates_fast_where_it_wraps___has_its_turns_counted(period: float) -> None:
+    # An eighth of a turn a sample, and its steps change by a tenth of one at the jumps.
+    angle = period * (3.0 * np.sin(2.1e-3 * K) + 0.2 * np.sin(0.6 * K) + 1e-5 * K)
+    assert np.abs(np.diff(angle)).max() > 0.12 * period
+    expect_angle(undone(wrapped(angle, period, 0.0)), angle, period)
+
+
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16, 24, 32])
 @pytest.mark.parametrize("signed", [False, True])
 def test_counter___of_some_bits___has_its_turns_counted(bits: int, *, signed: bool) -> None:
