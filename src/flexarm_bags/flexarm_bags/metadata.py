@@ -25,6 +25,13 @@ if TYPE_CHECKING:
 FILE_NAME = "metadata.yaml"
 _KEY = "rosbag2_bagfile_information"
 _STORAGES = (".mcap", ".db3")
+_UNPACK, _SAVE = "unpack it first", "save its signals as CSV, a column each, with their names above"
+_REMEDIES = {
+    ".bag": "a bag of ROS 1 is converted by `rosbags-convert --src FILE --dst FOLDER`",
+    **dict.fromkeys((".npy", ".npz", ".json", ".jsonl", ".pkl", ".ulg", ".blf", ".bin"), _SAVE),
+    **dict.fromkeys((".gz", ".zip", ".bz2", ".xz", ".zst", ".7z", ".tar"), _UNPACK),
+}
+"""What to do with files that are neither bags nor tables, by their ending."""
 BAG_FILES = (f"{FILE_NAME}*", "*.mcap*", "*.db3*")
 """Patterns of the files of a bag."""
 VERSION = 9
@@ -189,7 +196,8 @@ def require_bag(path: Path) -> None:
         if not (path / FILE_NAME).exists():
             raise BagError(f"{path}: no bag: the folder has no {FILE_NAME}{repair_advice(path)}")
     elif not _is_storage(path):
-        raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
+        remedy = _REMEDIES.get(path.suffix.lower(), "expected a rosbag2 folder or a {these} file")
+        raise BagError(f"{path}: no bag: {remedy.format(these=' or '.join(_STORAGES))}")
 
 
 def repair_advice(path: Path) -> str:

@@ -213,11 +213,14 @@ def test_messages___truncated_bag___points_to_the_repair(tmp_path: Path) -> None
     [
         ("", "no bag: the folder has no metadata.yaml$"),
         ("README.md", "no bag: expected a rosbag2 folder or a .mcap or .db3 file$"),
+        ("run.bag", "no bag: a bag of ROS 1 is converted by `rosbags-convert --src FILE"),
+        ("run.NPZ", "no bag: save its signals as CSV"),
+        ("run.csv.gz", "no bag: unpack it first$"),
     ],
 )
 def test_plan___what_is_no_bag___is_not_to_be_repaired(
     tmp_path: Path, name: str, complaint: str
 ) -> None:
-    (tmp_path / "README.md").write_text("no bag")
+    (tmp_path / (name or "README.md")).write_text("no bag")
     with pytest.raises(PlaybackError, match=complaint):
         PlaybackPlan(tmp_path / name)
