@@ -1,4 +1,4 @@
-// Hands on the arm: the stop and its way back, set-point, waveforms, law.
+// Manual control: the stop and its way back, set-point, waveforms, controller.
 
 import { attempt, byId, element, fillMenu, tell, write } from "./dom.js";
 import { SignalField } from "./units.js";
@@ -8,7 +8,7 @@ const SEND_EVERY_MS = 33;
 const OWN_WORD_MS = 800;
 const KEY_STEPS = { ArrowLeft: 1, ArrowUp: 1, ArrowRight: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
 
-/** The hand on the set-points, which one page has at a time. */
+/** Control of the set-points, which one page has at a time. */
 export class Hold {
   #isOurs = false;
 
@@ -18,8 +18,8 @@ export class Hold {
 
   follow({ holder, holder_name: name }) {
     this.#isOurs = holder;
-    write(byId("hold"), holder ? "Let go" : "Take the hand");
-    write(byId("holder"), holder ? "in your hand" : name ? `in the hand of ${name}` : "");
+    write(byId("hold"), holder ? "Release control" : "Take control");
+    write(byId("holder"), holder ? "you have control" : name ? `${name} has control` : "");
   }
 }
 

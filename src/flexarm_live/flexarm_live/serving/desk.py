@@ -46,7 +46,7 @@ class Hold:
             When another one has it.
         """
         if self.holder and self.holder != client:
-            raise RequestError(f"{self.holder} has the hand on the set-point: it has to let go")
+            raise RequestError(f"{self.holder} has control of the set-point: it has to release it")
         self.holder = client
 
     def let_go(self, client: str) -> bool:
@@ -67,12 +67,12 @@ class Desk:
     address : str
         Address of the page with its token, for the owner.
     on_hold : callable
-        Called when the hand on the set-point has changed.
+        Called when control of the set-point has changed.
 
     Attributes
     ----------
     hold : Hold
-        The hand on the set-point.
+        Control of the set-point.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class Desk:
         return _reply(0, ok=True, message="", data={"bag": name.partition("/")[0]})
 
     def _require(self, request: Request, client: str, role: Role) -> None:
-        """Refuse a client without the right, and give it the hand where it needs that."""
+        """Refuse a client without the right, and give it control where it needs that."""
         if role is Role.OWNER or request.needs is Needs.NOTHING:
             return
         if request.needs is Needs.OWNER:
@@ -168,10 +168,10 @@ class Desk:
     async def _carry_out(self, request: Request, client: str) -> Answer:
         if request.verb == "hold":
             self._take(client)
-            return Answer("you have the hand on the set-point")
+            return Answer("you have control of the set-point")
         if request.verb == "let_go":
             self.leave(client)
-            return Answer("nobody has the hand on the set-point" if not self.hold.holder else "")
+            return Answer("nobody has control of the set-point" if not self.hold.holder else "")
         if request.verb == "address":
             return Answer(data={"url": self._address})
         if request.verb == "hello":

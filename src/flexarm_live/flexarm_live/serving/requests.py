@@ -39,7 +39,7 @@ class Needs(IntEnum):
     NOTHING = 0
     TOKEN = 1
     HOLD = 2
-    """The hand on the set-point, which one page has at a time."""
+    """Control of the set-point, which one page has at a time."""
     OWNER = 3
 
 

@@ -116,7 +116,7 @@ class Server:
 
     @property
     def holder(self) -> str:
-        """Who has the hand on the set-point; empty when nobody has."""
+        """Who has control of the set-point; empty when nobody has."""
         return self._desk.hold.holder
 
     def run(self) -> None:

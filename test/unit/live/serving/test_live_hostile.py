@@ -301,7 +301,7 @@ def test_two_commanders___the_second___is_refused_until_the_first_lets_go(
     with live.page() as second:
         refused = ask(second, do="reference", value_v=2.0)
         assert refused["ok"] is False
-        assert "has the hand on the set-point" in refused["message"]
+        assert "has control of the set-point" in refused["message"]
         # Whoever sees danger may stop.
         assert ask(second, do="stop")["ok"] is True
         assert ask(good, do="let_go")["ok"] is True
