@@ -2,9 +2,9 @@
 
 An output wraps when it jumps by one whole period of an encoder and moves slowly else: steps are
 below a quarter of its range or above three quarters, and a jump less the steps around it is the
-period, within 1 % or as far as those steps differ, and leaves a step as there are others. It jumps in both directions, or at uneven
-intervals: a sawtooth that is sent evenly in one direction stays as it is, and so does one that an
-input's jumps explain.
+period, within 1 % or as far as those steps differ, and leaves a step as there are others. It jumps
+in both directions, or at uneven intervals: a sawtooth that is sent evenly in one direction stays
+as it is, and so does one that an input's jumps explain.
 """
 
 from __future__ import annotations
@@ -138,7 +138,9 @@ def _period(steps: FloatArray, at: NDArray[np.intp], extent: float) -> float:
     motion = np.where(counts > 0, np.nansum(around, axis=0) / counts.clip(min=1), 0.0)
     jump = float(np.median(np.abs(steps[at] - motion)))
     nearest = min(PERIODS, key=lambda each: abs(math.log(each / jump)))
-    unsure = 0.5 * float(np.median(np.ptp(around[:, counts == 2], axis=0))) if 2 in counts else 0.0
+    # The motion at a jump is known as well as the steps on both sides agree.
+    both = around[:, np.isfinite(around).all(axis=0)]
+    unsure = 0.5 * float(np.median(np.ptp(both, axis=0))) if both.size else 0.0
     left = np.abs(np.abs(steps[at]) - nearest)
     fits = (
         abs(jump - nearest) <= max(_TOLERANCE * nearest, unsure)
