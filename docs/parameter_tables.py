@@ -8,13 +8,43 @@ from __future__ import annotations
 import re
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from flexarm_core.tables import as_markdown
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_core.specs import ParameterSpec
 
 PAGE = Path(__file__).with_name("parameters.md")
 _TABLE = re.compile(
     r"(?P<begin><!-- parameters of (?P<module>[\w.]+) -->\n).*?(?=<!-- end -->)", re.DOTALL
 )
+
+
+_TYPES = {"bool": "bool", "int": "int", "float": "double", "str": "string", "list": "string_array"}
+
+
+def as_markdown(specs: Sequence[ParameterSpec]) -> str:
+    """Return a table of parameters for a page: name, type, default, range, changes and meaning."""
+    head = ["| parameter | type | default | range | a change acts | meaning |", f"|{' --- |' * 6}"]
+    return "\n".join([*head, *map(_row, specs)])
+
+
+def _row(spec: ParameterSpec) -> str:
+    has_range = spec.minimum is not None or spec.maximum is not None
+    allowed = spec.range_text if has_range else ", ".join(f"`{each}`" for each in spec.choices)
+    kind, name, acts = _TYPES[type(spec.default).__name__], f"`{spec.name}`", spec.change_acts
+    return f"| {' | '.join((name, kind, _shown(spec), allowed, acts, spec.description))} |"
+
+
+def _shown(spec: ParameterSpec) -> str:
+    if isinstance(spec.default, bool):
+        return str(spec.default).lower()
+    if isinstance(spec.default, list):
+        return ", ".join(map(str, spec.default))
+    if isinstance(spec.default, float):
+        return f"{spec.default:g}"
+    return str(spec.default)
 
 
 def with_tables(page: str) -> str:

@@ -29,6 +29,7 @@ from flexarm_bringup.console import terminal
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, NO_HUM_V
 from flexarm_ident import reduce_model, validate_dmv
 from flexarm_ident.models.modes import rank_table
 from flexarm_ident.records.preprocess import output_scale
@@ -37,7 +38,7 @@ from flexarm_ident.reduction.realisation import thesis_realisation
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 from reproduction.framework.realisations import realisation_difference
-from reproduction.framework.rig import simulated_record
+from reproduction.framework.rig import run_experiment
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -106,10 +107,10 @@ def trial(case: tuple[str, int, int | None]) -> Trial:
     """Make one record and take it the whole way."""
     name, seed, order = case
     payload_kg = experiment(name).payload_kg
-    arm = RigParameters(payload_kg=payload_kg)
+    arm = RigParameters(payload_kg=payload_kg, noise_v=LOW_NOISE_V, hum_v=NO_HUM_V)
     true_hz = natural_frequencies_hz(arm)[:FLEXIBLE_MODES].tolist()
     request = Request(train_fraction=0.5, order=order, reduction="mrm", update="c")
-    outcome = run(simulated_record(name, seed, calm=True), request)
+    outcome = run(run_experiment(experiment(name), arm, seed), request)
     found, (whole,), trained = (
         outcome.identification,
         outcome.records,

@@ -30,3 +30,13 @@ def test_as_request___one_field_set___has_the_defaults_of_the_command(kind: type
 def test_as_request___false___is_what_was_asked_for(kind: type[Asked], field: str) -> None:
     found, usual = asdict(as_request(kind(**{field: False}))), asdict(Request())
     assert {name for name, value in found.items() if value != usual[name]} == {field}
+
+
+def test_as_request___the_thesiss_method_alone___prepares_as_section_2_5_has_it() -> None:
+    printed = as_request(Identify.Request(method="orse_thesis"))
+    assert (printed.bias, printed.cutoff_hz, printed.filter_input) == ("first", 50.0, False)
+    assert printed == Request(
+        method="orse_thesis", bias="first", cutoff_hz=50.0, filter_input=False
+    )
+    own = Request(method="orse_thesis", bias="mean", cutoff_hz=0.0)
+    assert (own.bias, own.cutoff_hz, own.filter_input) == ("mean", None, True)

@@ -12,6 +12,8 @@ REDUCTIONS = ("none", "mrm", "msv", "mrmc")
 UPDATES = ("none", "b", "c")
 FEEDTHROUGH = {"auto": None, "yes": True, "no": False}
 """Values of `identify` by names; None leaves it to the data."""
+THESIS_FILTER = {"cutoff_hz": 50.0, "filter_input": False}
+"""Low-pass filter of section 2.5."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +36,14 @@ class Request:
         singular values above it. None: the order is chosen in another way.
     feedthrough : {'auto', 'yes', 'no'}
         Whether D is fitted; 'auto' fits it where the data were made in open loop and ask for it.
-    bias : {'rest', 'first', 'mean', 'none'}
-        Level that is subtracted from each output, see `preprocess`; the thesis takes 'first'.
+    bias : {'', 'rest', 'first', 'mean', 'none'}
+        Level that is subtracted from each output, see `preprocess`. '': the rest; the first sample
+        with 'orse_thesis', as section 2.5 has it.
     cutoff_hz : float, optional
-        Cut-off of a low-pass filter; the thesis has 50 Hz. None: no filter.
+        Cut-off of a low-pass filter, 0 for none. None: none; 50 Hz on the outputs alone with
+        'orse_thesis', as section 2.5 has it.
     filter_input : bool
-        Whether the input is filtered too; the thesis filters the outputs alone.
+        Whether the input is filtered too.
     reduction : {'none', 'mrm', 'msv', 'mrmc'}
         Ranking that selects the kept modes.
     reduced_order : int, optional
@@ -67,7 +71,7 @@ class Request:
     order: int | None = None
     singular_value_threshold: float | None = None
     feedthrough: str = "auto"
-    bias: str = "rest"
+    bias: str = ""
     cutoff_hz: float | None = None
     filter_input: bool = True
     reduction: str = "none"
@@ -84,6 +88,7 @@ class Request:
             raise IdentificationError(
                 f"train_fraction must lie between 0 and 1: {self.train_fraction}"
             )
+        self._prepare_as_the_method()
         for field, choices in (
             ("reduction", REDUCTIONS),
             ("update", UPDATES),
@@ -95,6 +100,17 @@ class Request:
                 raise IdentificationError(f"{field} must be one of {', '.join(choices)}: {value!r}")
         self._check_threshold()
         self._check_reduction()
+
+    def _prepare_as_the_method(self) -> None:
+        """Set what is unset as the method has it: the thesis prepares its records in its way."""
+        is_thesis = self.method == "orse_thesis"
+        prepared: dict[str, object] = {"bias": self.bias or ("first" if is_thesis else "rest")}
+        if is_thesis and self.cutoff_hz is None:
+            prepared |= THESIS_FILTER
+        elif self.cutoff_hz == 0.0:
+            prepared |= {"cutoff_hz": None}
+        for field, value in prepared.items():
+            object.__setattr__(self, field, value)
 
     def _check_threshold(self) -> None:
         threshold = self.singular_value_threshold

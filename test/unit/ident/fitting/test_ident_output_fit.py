@@ -78,20 +78,18 @@ def test_fit_inputs___at_rest___equals_the_thesis_regression_without_initial_sta
     model = random_model(1)
     data = record(model, 203, seed=1, noise=0.3)
     fit = fit_inputs(model.A, model.C, [data], at_rest=True)
-    rms = np.sqrt(np.mean(data.y**2, axis=0))
     phi = np.stack(
         [
             step_by_step(
                 named(model.A, unit[:, np.newaxis], model.C, np.zeros((model.noutputs, 1))),
                 data.u[:, [j]],
             )
-            / rms
             for j in range(model.ninputs)
             for unit in np.eye(model.nstates)
         ],
         axis=2,
     )
-    theta = np.linalg.lstsq(phi.reshape(-1, phi.shape[2]), (data.y / rms).ravel(), rcond=None)[0]
+    theta = np.linalg.lstsq(phi.reshape(-1, phi.shape[2]), data.y.ravel(), rcond=None)[0]
     np.testing.assert_allclose(fit.B, theta.reshape(model.ninputs, -1).T, atol=1e-9)
     np.testing.assert_allclose(fit.x0, 0.0, atol=0.0)
 

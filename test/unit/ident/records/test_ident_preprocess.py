@@ -202,7 +202,10 @@ def test_output_scale___outputs___reach_the_inputs_maximum_and_orse_thesis_undoe
     np.testing.assert_allclose(np.abs(scaled.y).max(axis=0), np.abs(data.u).max())
     theirs = identify(scaled, order=9, block_rows=20, method="orse_thesis")
     ours = identify(data, order=9, block_rows=20, method="orse_thesis")
-    y = step_by_step(ours.model, data.u, ours.x0[0])
-    expected = step_by_step(theirs.model, data.u, theirs.x0[0]) / factors
-    np.testing.assert_allclose(y, expected, atol=1e-6 * np.abs(data.y).max())
+    # B is fitted behind that, to the outputs as they are; the states have a unit of their own.
+    np.testing.assert_allclose(ours.model.A, theirs.model.A, atol=1e-7)
+    found, expected = ours.model.C * factors[:, np.newaxis], theirs.model.C
+    np.testing.assert_allclose(
+        found / np.linalg.norm(found), expected / np.linalg.norm(expected), atol=1e-7
+    )
     assert output_scale(IoData(data.u, np.zeros_like(data.y), dt_s=DT_S)).tolist() == [1.0] * 4
