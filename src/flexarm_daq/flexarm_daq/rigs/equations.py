@@ -29,6 +29,7 @@ class Equations(NamedTuple):
 
     motor_inertia: float
     motor_gain: float
+    largest_torque: float
     coulomb_friction: float
     breakaway_excess: float
     stribeck_speed: float

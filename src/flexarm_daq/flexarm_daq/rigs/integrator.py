@@ -227,7 +227,10 @@ def _take_way(  # noqa: PLR0917 - compiled code takes no keywords only
             block[(substep.HALF + row) * n + lane] = way.half[entry, i]
             block[(substep.WHOLE + row) * n + lane] = way.whole[entry, i]
     clipped_v = min(max(command_v, -MAX_COMMAND_V), MAX_COMMAND_V)
-    block[substep.DRIVE_NM * n + lane] = equations.motor_gain * clipped_v
+    torque_nm = equations.motor_gain * clipped_v
+    block[substep.DRIVE_NM * n + lane] = min(
+        max(torque_nm, -equations.largest_torque), equations.largest_torque
+    )
     block[substep.WHOLE_S * n + lane] = way.step_s
     block[substep.HALF_S * n + lane] = way.step_s / 2.0
     block[substep.GEAR_DAMPING * n + lane] = equations.gear_damping / way.step_s

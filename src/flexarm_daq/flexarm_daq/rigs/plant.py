@@ -188,6 +188,7 @@ def equations_of(parameters: RigParameters, modes: BeamModes) -> Equations:
     return Equations(
         motor_inertia=parameters.motor_inertia_kg_m2,
         motor_gain=parameters.motor_gain_nm_per_v,
+        largest_torque=parameters.stall_torque_nm * parameters.gear_ratio,
         coulomb_friction=parameters.coulomb_friction_nm,
         breakaway_excess=parameters.breakaway_ratio - 1.0,
         stribeck_speed=parameters.stribeck_speed_rad_per_s,

@@ -64,6 +64,9 @@ class RigParameters:
     motor_gain_nm_per_v : float
         Torque at the arm's axis per volt of command. The rigid gains of Appendix B times the
         inertia give 0.55 at 0 g.
+    stall_torque_nm, gear_ratio : float
+        Rated stall torque of the motor (section 2.3), which it does not exceed, and the gear behind
+        it. No ratio is printed: the default one bears all that the drive gives.
     disturbance_v : float
         Constant added to the drive's command, of either sign: d of Figure 4-14.
     coulomb_friction_nm : float
@@ -121,6 +124,8 @@ class RigParameters:
     payload_kg: float = 0.0
     tip_inertia_kg_m2: float = 0.0
     motor_gain_nm_per_v: float = 0.55
+    stall_torque_nm: float = 2.938
+    gear_ratio: float = 3.0
     disturbance_v: float = 0.0
     coulomb_friction_nm: float = 0.64 * 0.55
     breakaway_ratio: float = 1.1

@@ -181,6 +181,18 @@ def test_frequency_response___of_the_linear_rig___has_the_signs_of_appendix_b() 
     assert (np.abs(decibels) < 6.0).all()
 
 
+def test_command___beyond_the_stall_torque_of_a_motor_without_a_gear___saturates() -> None:
+    direct = replace(RIG, gear_ratio=1.0)
+    stalled_v = direct.stall_torque_nm / direct.motor_gain_nm_per_v
+    assert stalled_v == pytest.approx(5.34, abs=0.01)
+    found, expected, geared = (
+        simulate(Plant(rig), np.full(60, volts), RATE_HZ)
+        for rig, volts in ((direct, 10.0), (direct, stalled_v), (RIG, 10.0))
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert np.abs(geared - found).max() > 0.1
+
+
 def test_command___beyond_full_scale___saturates() -> None:
     outputs_v = simulate(Plant(RIG), np.full(60, 25.0), RATE_HZ)
     np.testing.assert_array_equal(outputs_v, simulate(Plant(RIG), np.full(60, 10.0), RATE_HZ))
