@@ -1,7 +1,7 @@
 """Choices that the thesis leaves open: what each of them does to the figures of every chapter.
 
 A choice is taken by what the thesis's text says. Where it says nothing, that value is taken with
-which the figures of all chapters together lie nearest, before any verdict is counted.
+which the calibration found the figures of all chapters nearest, before any verdict was counted.
 """
 
 from __future__ import annotations
