@@ -162,6 +162,8 @@ def run(
             node.destroy_node()
             try_shutdown()
         ending.ignore_more()
+        # The middleware's last destructors run at the interpreter's end, and can hang as well.
+        signal.setitimer(signal.ITIMER_REAL, _END_S)
     code = 1 if getattr(node, "failure", "") else 0
     if threading.active_count() > 1:
         _leave(code)

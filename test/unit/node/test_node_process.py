@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -71,6 +72,39 @@ def test_bounded_end___that_hangs_with_the_lock_of_the_interpreter___ends_the_pr
         [sys.executable, "-c", HANGING], capture_output=True, text=True, check=False, timeout=200
     )
     assert (done.returncode, done.stdout, done.stderr) == (1, "", "")
+
+
+LINGERING = """
+import atexit, threading, time
+import rclpy.node
+from flexarm_node import process
+
+process._END_S = 1.0
+
+class Node(rclpy.node.Node):
+    def __init__(self):
+        super().__init__("lingering")
+        process.request_stop()
+
+    def stop(self):
+        # A process with threads at work does not wait for the interpreter's end.
+        while threading.active_count() > 1:
+            time.sleep(0.01)
+
+def hang():
+    while True:
+        pass
+
+atexit.register(hang)
+raise SystemExit(process.run(Node))
+"""
+
+
+def test_run___interpreter_that_hangs_at_its_end___is_ended() -> None:
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", LINGERING], capture_output=True, text=True, check=False, timeout=200
+    )
+    assert done.returncode == -signal.SIGALRM, done.stderr
 
 
 SHOWING = """
