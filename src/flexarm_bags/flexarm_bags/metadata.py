@@ -196,8 +196,8 @@ def require_bag(path: Path) -> None:
         if not (path / FILE_NAME).exists():
             raise BagError(f"{path}: no bag: the folder has no {FILE_NAME}{repair_advice(path)}")
     elif not _is_storage(path):
-        remedy = _REMEDIES.get(path.suffix.lower(), "expected a rosbag2 folder or a {these} file")
-        raise BagError(f"{path}: no bag: {remedy.format(these=' or '.join(_STORAGES))}")
+        expected = "expected a rosbag2 folder or a .mcap or .db3 file"
+        raise BagError(f"{path}: no bag: {_REMEDIES.get(path.suffix.lower(), expected)}")
 
 
 def repair_advice(path: Path) -> str:
