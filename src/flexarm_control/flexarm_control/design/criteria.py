@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
+from math import inf, isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,13 +11,11 @@ import numpy as np
 from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from flexarm_core.arrays import RealArray
 
 _MEAN_WINDOW_S = 2.0
 _SETTLING_BAND = 0.05
-_RISE_FROM, _RISE_TO = 0.1, 0.9
+_RISE = (0.1, 0.9)
 _STRAIN_BAND = 0.1
 # The vibrations of the arm are slower, and noise is averaged out.
 _SMOOTHED_S = 0.03
@@ -112,7 +110,11 @@ def strain_settling_s(strain_v: RealArray, *, dt_s: float) -> float:
     noise_v = float(np.median(np.abs(np.diff(strain_v, 2)))) / (_NORMAL_MEDIAN * np.sqrt(6.0))
     floor_v = _ABOVE_NOISE * noise_v / np.sqrt(width)
     band_v = max(_STRAIN_BAND * float(np.max(np.abs(smooth_v))), floor_v)
-    return _last_entry_s(dt_s * np.arange(len(strain_v)), np.abs(smooth_v) > band_v)
+    outside = np.flatnonzero(np.abs(smooth_v) > band_v)
+    if len(outside) == 0:
+        return 0.0
+    first_inside = int(outside[-1]) + 1
+    return dt_s * first_inside if first_inside < len(smooth_v) else inf
 
 
 @dataclass(frozen=True)
@@ -170,29 +172,33 @@ def step_figures(
     since_step_s = time_s - time_s[0]
     progress = (position_v - start_v) / (reference_v - start_v)
     last = since_step_s >= since_step_s[-1] - _MEAN_WINDOW_S
-    return StepFigures(
-        mean_error_v=float(np.mean(reference_v - position_v[last])),
-        overshoot=max(0.0, float(np.max(progress)) - 1.0),
-        settling_s=_settling_s(since_step_s, progress),
-        rise_s=_rise_s(since_step_s, progress),
+    mean_error_v = float(np.mean(reference_v - position_v[last]))
+    return StepFigures(mean_error_v, *unit_step_figures(since_step_s, progress, _SETTLING_BAND))
+
+
+def unit_step_figures(
+    since_step_s: RealArray, progress: RealArray, band: float
+) -> tuple[float, float, float]:
+    """Return overshoot, settling and rise time of a step from 0 to 1, by python-control.
+
+    Its `step_info` raises an IndexError for a step that does not reach 90 %, and has NaN where ours
+    are infinite.
+
+    Parameters
+    ----------
+    since_step_s, progress : ndarray, (samples,)
+        Time since the step, s, and the part of it that is done.
+    band : float
+        Part of the step within which it has settled, below a tenth.
+    """
+    # Written so that NaN has not risen either.
+    if not np.max(progress) >= _RISE[1]:
+        return 0.0, inf, inf
+    from flexarm_ident.models.control_library import control_library  # noqa: PLC0415 - seldom used
+
+    found = control_library().step_info(
+        progress, since_step_s, final_output=1.0, SettlingTimeThreshold=band, RiseTimeLimits=_RISE
     )
-
-
-def _settling_s(since_step_s: RealArray, progress: RealArray) -> float:
-    return _last_entry_s(since_step_s, np.abs(progress - 1.0) > _SETTLING_BAND)
-
-
-def _last_entry_s(since_step_s: RealArray, is_outside: NDArray[np.bool_]) -> float:
-    """Return the time of the first sample after which none is outside; infinite without one."""
-    outside = np.flatnonzero(is_outside)
-    if len(outside) == 0:
-        return 0.0
-    first_inside = int(outside[-1]) + 1
-    return float(since_step_s[first_inside]) if first_inside < len(since_step_s) else inf
-
-
-def _rise_s(since_step_s: RealArray, progress: RealArray) -> float:
-    if np.max(progress) < _RISE_TO:
-        return inf
-    start, end = int(np.argmax(progress >= _RISE_FROM)), int(np.argmax(progress >= _RISE_TO))
-    return float(since_step_s[end] - since_step_s[start])
+    settling_s = found["SettlingTime"]
+    overshoot = found["Overshoot"] / 100.0
+    return overshoot, inf if isnan(settling_s) else settling_s, found["RiseTime"]

@@ -61,7 +61,8 @@ def constant_input_response(
 ) -> FloatArray:
     """Return the response from rest to a constant input of 1, (samples, outputs).
 
-    A is (states, states), b (states, 1) and C (outputs, states); each pass doubles the length.
+    A is (states, states), b (states, 1) and C (outputs, states). Each pass doubles the length, and
+    python-control's `forced_response` takes 40 times as long for the 1050 samples of a criterion.
     """
     order = len(A)
     power = np.block([[A, b], [np.zeros((1, order)), 1.0]])

@@ -144,7 +144,11 @@ def slowest_vibration_hz(plant: control.StateSpace, tracked: Sequence[int]) -> f
 
 
 def loop_margin(found: Regulator, plant: control.StateSpace) -> LoopMargin:
-    """Return the smallest disk margin of a servo with a plant, of its inputs and each output."""
+    """Return the smallest disk margin of a servo with a plant, of its inputs and each output.
+
+    python-control's `disk_margins` does so with one input; several need the package slycot, which
+    is no part of this environment.
+    """
     if not loop_radius(found, plant) < 1.0:
         return LoopMargin(0.0, np.nan, "unstable")
     frequency_hz = loop_frequencies_hz(found, plant)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from flexarm_control.design.criteria import unit_step_figures
 from flexarm_control.servo.controller import Law, Memory, advance, new_memory
 from flexarm_control.servo.regulator import loop_plant
 from flexarm_control.servo.robustness import with_modes
@@ -132,18 +133,12 @@ def perturbed(twin: Twin, seed: int, spread: float) -> Twin:
 def step_results(servo: Servo, run: Run, steps: FloatArray) -> tuple[StepResult, ...]:
     """Return the figures of a step of every tracked output."""
     results = []
+    time_s = np.arange(len(run.y)) / servo.rate_hz
     for name, place, step in zip(servo.tracked, servo.law.places, steps, strict=True):
-        error = run.y[:, place] / step - 1.0
-        outside = np.flatnonzero(np.abs(error) > SETTLED)
-        last = int(outside[-1]) + 1 if len(outside) else 0
-        results.append(
-            StepResult(
-                name,
-                max(0.0, float(error.max())),
-                last / servo.rate_hz if last < len(error) else np.inf,
-                float(error[-max(1, round(_LAST * len(error))) :].mean()),
-            )
-        )
+        progress = run.y[:, place] / step
+        overshoot, settling_s, _ = unit_step_figures(time_s, progress, SETTLED)
+        steady_error = float(np.mean(progress[-max(1, round(_LAST * len(progress))) :] - 1.0))
+        results.append(StepResult(name, overshoot, settling_s, steady_error))
     return tuple(results)
 
 

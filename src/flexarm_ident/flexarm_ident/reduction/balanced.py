@@ -52,6 +52,9 @@ def balanced_truncation(
 ) -> BalancedTruncation:
     """Reduce a discrete model by balanced truncation of its stable part.
 
+    python-control's `balanced_reduction` takes every model for one in continuous time, and needs
+    the package slycot, which is no part of this environment.
+
     Parameters
     ----------
     model : control.StateSpace

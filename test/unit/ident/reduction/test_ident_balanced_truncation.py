@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+import control as python_control
 import numpy as np
 import pytest
 from scipy import linalg
@@ -39,6 +41,13 @@ def test_balanced_truncation___feedthrough___error_is_below_the_bound(order: int
     # Enns (1984): between the first value left out and twice the sum of all of them.
     left_out = found.hankel_singular_values[order:]
     assert left_out[0] * (1.0 - 1e-3) <= worst <= 2.0 * left_out.sum()
+
+
+def test_balanced_reduction_of_python_control___without_slycot___is_none() -> None:
+    if find_spec("slycot"):
+        pytest.skip("slycot is installed")
+    with pytest.raises(ImportError, match="slycot"):
+        python_control.balanced_reduction(random_model(2, states=6), 3)
 
 
 def test_balanced_truncation___own_order___same_model_with_its_names() -> None:
