@@ -10,10 +10,11 @@ import numpy as np
 from flexarm_core.errors import BagError, DataError
 from flexarm_core.labels import counted, named_twice
 from flexarm_ident.reading.fields import parse_field, values_of, wrong_path, wrong_topic
+from flexarm_ident.reading.grid import ON_TIME
 from flexarm_ident.reading.offsets import on_their_rows
 from flexarm_ident.reading.sampling import JITTER_TOLERANCE, Run
 from flexarm_ident.reading.sampling import notices as sampling_notices
-from flexarm_ident.reading.tracks import NS, Evened, advances, evened, lost_messages, track
+from flexarm_ident.reading.tracks import NS, Evened, advances, drift, evened, lost_messages, track
 from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
 from flexarm_ident.records.data_warning import LOST_SAMPLES, PARTIAL_RECORD, SAMPLING, Grade
 from flexarm_ident.records.iodata import IoData
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from flexarm_ident.reading.common_grid import CommonRows
     from flexarm_ident.reading.fields import Field
     from flexarm_ident.reading.offsets import Offset
-    from flexarm_ident.reading.tracks import Track
+    from flexarm_ident.reading.tracks import Drift, Track
     from flexarm_ident.reading.wraps import Wrap
     from flexarm_ident.records.data_warning import DataWarning
 
@@ -37,9 +38,12 @@ if TYPE_CHECKING:
 
 HEADER, RECEIVE = "header", "receive"
 CLOCKS = (HEADER, RECEIVE)
+_DELAYED = "delays on the way to the recorder count as the rig's"
 _SECONDS, _NANOSECONDS = "header.stamp.sec", "header.stamp.nanosec"
 # A signal whose steps are longer, in periods, is slow.
 _SLOW = 1.5
+# Relative difference of two clocks' rates that is worth a word.
+_RATES_DIFFER = 1e-3
 # A record that is shorter than its longest signal by this part is worth a word.
 _CUT = 0.05
 # An input that lacks more of its messages than this part is one that is sent when it changes.
@@ -118,7 +122,6 @@ def selected(bag: Bag, chosen: Selection, wrap: float | None = None) -> IoData:
             raise wrong_topic(bag, field)
     messages = {topic: bag.grouped(topic) for topic in {each.topic: None for each in fields}}
     clock, said = _clock(bag, messages, chosen.clock)
-    said += _no_numbers(chosen.inputs, messages)
     sent = evened if clock == RECEIVE else Evened
     driven, measured = (
         [_track(bag, field, messages[field.topic], clock) for field in role]
@@ -146,36 +149,56 @@ def selected(bag: Bag, chosen: Selection, wrap: float | None = None) -> IoData:
 
 
 def _clock(bag: Bag, messages: Messages, asked: str | None) -> tuple[str, list[DataWarning]]:
-    """Return the clock, and a word where it is not that of the headers."""
-    lacking = [
-        f"{topic} ({bag.types[topic]})"
-        for topic, found in messages.items()
-        if (stamps_ns := _stamps_ns(found)) is None or not advances(stamps_ns)
-    ]
+    """Return the clock, and a word where it is not that of the headers or they drift."""
+    stamps = {topic: _stamps_ns(found) for topic, found in messages.items()}
+    advancing = {
+        topic: each for topic, each in stamps.items() if each is not None and advances(each)
+    }
+    lacking = [f"{topic} ({bag.types[topic]})" for topic in messages if topic not in advancing]
     if asked == HEADER and lacking:
         raise BagError(
             f"{bag.path}: {lacking[0]} has no header stamps that advance: take the clock {RECEIVE}"
         )
-    if asked or not lacking:
-        return asked or HEADER, []
+    if asked == RECEIVE:
+        return RECEIVE, []
+    if lacking:
+        text = (
+            f"instants are those of receiving, as {lacking[0]} has no header stamps that advance: "
+            f"{_DELAYED}"
+        )
+        return RECEIVE, [SAMPLING(text, grade=Grade.INFORMATION)]
+    drifts = {topic: drift(each, messages[topic].log_times_ns) for topic, each in advancing.items()}
+    return _of_drifting(drifts, min(map(_step_s, advancing.values())), asked)
+
+
+def _of_drifting(
+    drifts: Mapping[str, Drift], step_s: float, asked: str | None
+) -> tuple[str, list[DataWarning]]:
+    """Return the clock of topics with header stamps: receiving, where theirs drift apart."""
+    slow, fast = (end(drifts, key=lambda each: drifts[each].gain_s) for end in (min, max))
+    apart_s = drifts[fast].gain_s - drifts[slow].gain_s
+    if apart_s > max(ON_TIME * step_s, drifts[fast].chance_s + drifts[slow].chance_s):
+        instead = (
+            f"their samples do not belong together; take --clock {RECEIVE}"
+            if asked
+            else f"instants are those of receiving, and {_DELAYED}"
+        )
+        text = f"the header clocks of {slow} and {fast} drift {1e3 * apart_s:.3g} ms apart: "
+        grade = Grade.CAUTION if asked else Grade.INFORMATION
+        return asked or RECEIVE, [SAMPLING(text + instead, {"apart_s": apart_s}, grade=grade)]
+    gain_s, chance_s, record_s = drifts[fast]
+    if abs(gain_s) <= max(_RATES_DIFFER * record_s, chance_s):
+        return HEADER, []
+    percent = 100.0 * gain_s / record_s
     text = (
-        f"instants are those of receiving, as {lacking[0]} has no header stamps that advance: "
-        "delays on the way to the recorder count as the rig's"
+        f"the header clock of {fast} is {abs(percent):.3g} % {'faster' if gain_s > 0 else 'slower'}"
+        f" than the recorder's: frequencies are by the header's; --clock {RECEIVE} takes the other"
     )
-    return RECEIVE, [SAMPLING(text, grade=Grade.INFORMATION)]
+    return HEADER, [SAMPLING(text, {"percent": percent}, grade=Grade.INFORMATION)]
 
 
-def _no_numbers(inputs: Sequence[Field], messages: Messages) -> Iterator[DataWarning]:
-    """Yield the inputs with values that are no numbers."""
-    for field in inputs:
-        values = values_of(messages[field.topic], field.path)
-        unknown = 0 if values is None else int(np.isnan(values).sum())
-        if values is not None and 0 < unknown < len(values):
-            text = (
-                f"{unknown} of {len(values)} values of {field} are no numbers: the value before "
-                "counts until the next one, and the drive may have had another"
-            )
-            yield LOST_SAMPLES(text, {"values": float(unknown)})
+def _step_s(times_ns: Integers) -> float:
+    return float(np.ptp(times_ns)) / len(times_ns) / NS
 
 
 def _stamps_ns(found: Grouped) -> Integers | None:
@@ -252,9 +275,17 @@ def _unknown(found: CommonRows, inputs: Sequence[Track]) -> BoolArray | None:
 
 
 def _lost(inputs: Sequence[Track]) -> Iterator[DataWarning]:
-    """Yield the inputs that lack messages."""
+    """Yield the inputs that lack messages, or have some without a number."""
     for signal in inputs:
-        if lost := _lost_of(signal):
+        if signal.unknown:
+            sent = len(signal.values) + signal.unknown
+            text = (
+                f"{signal.unknown} of {sent} values of {signal.label} are no numbers: the value "
+                "before counts until the next one, and the drive may have had another"
+            )
+            yield LOST_SAMPLES(text, {"values": float(signal.unknown)})
+        if (lost := _lost_of(signal)) > signal.unknown:
+            lost -= signal.unknown
             text = (
                 f"{counted(lost, 'message')} of {signal.label} did not reach the recorder: what "
                 "they did to the outputs counts as noise"

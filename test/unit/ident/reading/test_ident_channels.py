@@ -14,6 +14,7 @@ from flexarm_core.errors import BagError
 from flexarm_ident import read_channels, selection
 from support.bag_samples import FOREIGN_FORMATS, START_NS
 from support.foreign_bags import (
+    JOINTS,
     MS_NS,
     every_ms,
     float64,
@@ -302,3 +303,59 @@ def test_read___input_with_values_that_are_no_numbers___is_told(tmp_path: Path) 
     (notice,) = [each for each in data.notices if each.code == "lost_samples"]
     assert dict(notice.figures) == {"values": 30.0}
     assert "30 of 300 values of /command.data are no numbers" in notice.text
+
+
+def test_read___commands_of_which_every_tenth_lacks___keep_their_instants(tmp_path: Path) -> None:
+    k = np.arange(300)
+    kept = k[k % 10 > 0]
+    sent = float64("/command", every_ms(10, 300)[kept], kept.astype(np.float64))
+    bag = write_topics(tmp_path / "run", [sent, two_joints(300)], MCAP)
+    data = read_channels(bag, selection(["/command.data"], ["/joint_states.position[motor]"]))
+    # The value before a lost one acts on.
+    k = k[1:]
+    np.testing.assert_allclose(data.u[:, 0], np.where(k % 10, k, k - 1), atol=1e-6)
+    lost = [each for each in data.notices if each.code == "lost_samples"]
+    assert [dict(each.figures) for each in lost] == [{"lost": 29.0}]
+
+
+@pytest.mark.parametrize("rate", [1e-3, -4e-3])
+def test_read___header_clocks_that_drift_apart___takes_the_recorders(
+    tmp_path: Path, rate: float
+) -> None:
+    true_ns = every_ms(10, 3000)
+    received_ns = true_ns + np.random.default_rng(1).integers(MS_NS, 2 * MS_NS, 3000)
+    drifting_ns = START_NS + np.rint((1.0 + rate) * (true_ns - START_NS)).astype(np.int64)
+    k = np.arange(3000.0)
+    topics = [
+        wrenches("/ft", true_ns, k, received_ns=received_ns),
+        joint_states(drifting_ns, JOINTS, np.column_stack([k, k]), received_ns=received_ns),
+    ]
+    bag = write_topics(tmp_path / "run", topics, MCAP)
+    signals = ["/ft.wrench.force.x"], ["/joint_states.position[motor]"]
+
+    data = read_channels(bag, selection(*signals))
+
+    np.testing.assert_allclose(data.u, data.y, atol=0.1)
+    (notice,) = data.notices
+    assert notice.figures["apart_s"] == pytest.approx(30.0 * abs(rate), rel=0.02)
+    (kept,) = (
+        each
+        for each in read_channels(bag, selection(*signals, clock="header")).notices
+        if "apart_s" in each.figures
+    )
+    assert kept.grade == "caution"
+
+
+@pytest.mark.parametrize(("rate", "word"), [(4e-3, "0.4 % faster"), (-4e-3, "0.4 % slower")])
+def test_read___header_clock_of_another_rate___is_told(
+    tmp_path: Path, rate: float, word: str
+) -> None:
+    true_ns = every_ms(10, 300)
+    stamps_ns = START_NS + np.rint((1.0 + rate) * (true_ns - START_NS)).astype(np.int64)
+    k = np.arange(300.0)
+    values = np.column_stack([k, k])
+    states = joint_states(stamps_ns, JOINTS, values, efforts=values, received_ns=true_ns)
+    bag = write_topics(tmp_path / "run", [states], MCAP)
+    chosen = selection(["/joint_states.effort[motor]"], ["/joint_states.position[motor]"])
+    (notice,) = read_channels(bag, chosen).notices
+    assert word in notice.text
