@@ -61,10 +61,11 @@ def constant_channels(record: IoData) -> Iterator[DataWarning]:
             )
         elif constant > CONSTANT_SHARE:
             yield from _rest(record, name, x, constant)
-        elif name in record.inputs and _counts(x):
+        elif _counts(x, _JITTER if name in record.inputs else ROUNDING):
+            instead = "take the column of the input" if name in record.inputs else "leave it out"
             yield _CONSTANT(
                 f"{name} goes on by nearly the same step in every sample, as a time or a counter "
-                "of samples does: take the column of the input",
+                f"of samples does: {instead}",
                 {"step": float(np.median(np.diff(x)))},
                 grade=Grade.DO_NOT_USE,
                 channel=name,
@@ -157,14 +158,14 @@ def _dead_sensor(record: IoData, name: str, dead: Sequence[range]) -> DataWarnin
     )
 
 
-def _counts(x: FloatArray) -> bool:
-    """Return whether nearly all steps of a signal are its usual one within a half, and not zero."""
+def _counts(x: FloatArray, jitter: float) -> bool:
+    """Return whether nearly all steps of a signal are its usual one within a part, and not zero."""
     with np.errstate(over="ignore"):
         steps = np.diff(x)
     usual = float(np.median(steps))
     if usual == 0.0 or not np.isfinite(usual):
         return False
-    return float(np.mean(np.abs(steps / usual - 1.0) <= _JITTER)) > CONSTANT_SHARE
+    return float(np.mean(np.abs(steps / usual - 1.0) <= jitter)) > CONSTANT_SHARE
 
 
 def unmeasured(record: IoData) -> Iterator[DataWarning]:
@@ -187,8 +188,9 @@ def duplicates(record: IoData) -> Iterator[DataWarning]:
     """Yield the channels that repeat another one."""
     channels = [(name, x) for name, x in _named(record) if constant_share(x) <= CONSTANT_SHARE]
     for (name, x), (other, y) in combinations(channels, 2):
-        # A proportional law makes its command a multiple of an output.
-        if record.closed_loop and other in record.inputs and name in record.outputs:
+        # A proportional law makes its command a multiple of an output, but hardly the same numbers.
+        of_a_law = record.closed_loop and other in record.inputs and name in record.outputs
+        if of_a_law and not np.array_equal(x, y):
             continue
         if abs(_correlation(look(x), look(y))) <= 1.0 - _ALMOST_SAME:
             continue
@@ -282,7 +284,7 @@ _CONSTANT = Kind(
     "Constant channel",
     "more than 99 % of the samples are one value, but for an input at rest between three blows "
     "or more; an input goes on by the same step within a half in 99 % of them, as a time or a "
-    "counter does",
+    "counter does, an output by exactly the same",
     "check the wire, or leave it out; take the column of the input",
 )
 _SATURATION = Kind(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.arrays import runs
 from flexarm_core.labels import counted, instant
 from flexarm_ident.diagnostics.check import Check, each_record
 from flexarm_ident.records.data_warning import Kind
@@ -34,9 +35,9 @@ _ANSWER = 3
 _UNUSUAL = 3.0
 _USUAL_SHARE = 0.9
 _FEWEST = 50
-# An input may jump as it likes, but not so many deviations without an answer of any output within
-# so many samples, behind its own row, which may be spoilt as well.
-_INPUT_SIZE = 10.0
+# An input may jump as it likes, but not so many deviations, in so few rows, without an answer of
+# any output within so many samples, behind its own row, which may be spoilt as well.
+_INPUT_SIZE, _STRAYS = 10.0, 3
 _REPLY = (2, 12)
 
 
@@ -45,9 +46,8 @@ def outliers(record: IoData) -> Iterator[DataWarning]:
     explained = _answered(record)
     for name, y in zip(record.outputs, record.y.T, strict=True):
         yield from _told(record, name, y, _jumps(y, explained))
-    own = np.zeros(len(record), dtype=np.bool_)
     for name, u in zip(record.inputs, record.u.T, strict=True):
-        rows = _jumps(u, own, size=_INPUT_SIZE)
+        rows = _strays(u)
         yield from _told(record, name, u, rows[~_replied(record, rows)])
 
 
@@ -57,7 +57,8 @@ def _told(
     if not len(rows):
         return
     usual = np.delete(x, rows)
-    sizes = np.abs(x[rows] - 0.5 * (x[rows - 1] + x[rows + 1])) / usual.std()
+    others = np.delete(np.arange(len(x)), rows)
+    sizes = np.abs(x[rows] - np.interp(rows, others, usual)) / usual.std()
     largest = float(sizes.max())
     yield _KIND(
         f"{name} has {counted(len(rows), 'outlier')}, the largest {largest:.3g} deviations at "
@@ -88,11 +89,30 @@ def _replied(record: IoData, rows: NDArray[np.intp]) -> BoolArray:
     return replied
 
 
-def _jumps(x: FloatArray, explained: BoolArray, size: float = _SIZE) -> NDArray[np.intp]:
+def _strays(u: FloatArray) -> NDArray[np.intp]:
+    """Return the rows of an input that are far off all others, up to three in a row."""
+    none = np.empty(0, dtype=np.intp)
+    if len(u) < _FEWEST or constant_share(u) > CONSTANT_SHARE:
+        return none
+    with np.errstate(over="ignore"):
+        off, step = np.abs(u - np.median(u)), np.abs(np.diff(u))
+    low, high = np.quantile(u, (0.16, 0.84))
+    # An input that rests most of the time has its usual steps alone.
+    limit = _INPUT_SIZE * 0.5 * float(high - low) or _JUMP * float(np.median(step[step > 0.0]))
+    alone = [
+        np.arange(first, last)
+        for first, last in runs(off > limit).tolist()
+        if last - first <= _STRAYS
+        and np.max(off[max(0, first - _AROUND) : first], initial=0.0) < _QUIET * off[first]
+        and np.max(off[last : last + _AROUND], initial=0.0) < _QUIET * off[last - 1]
+    ]
+    return np.concatenate([none, *alone])
+
+
+def _jumps(x: FloatArray, explained: BoolArray) -> NDArray[np.intp]:
     """Return the rows of a signal that jump off both neighbours and stand alone.
 
-    Rows in which the jumps are explained are compared with each other. A jump has so many
-    deviations of the signal at least.
+    Rows in which the jumps are explained are compared with each other.
     """
     none = np.empty(0, dtype=np.intp)
     if len(x) < _FEWEST or constant_share(x) > CONSTANT_SHARE:
@@ -104,7 +124,7 @@ def _jumps(x: FloatArray, explained: BoolArray, size: float = _SIZE) -> NDArray[
     there_and_back = steps[:-1] * np.sign(steps[1:]) < 0.0
     jump = np.where(there_and_back, np.minimum(step[:-1], step[1:]), 0.0)
     low, high = np.quantile(x, (0.16, 0.84))
-    limit = max(_JUMP * usual, size * 0.5 * float(high - low))
+    limit = max(_JUMP * usual, _SIZE * 0.5 * float(high - low))
     inner = explained[1:-1]
     answer = _UNUSUAL * float(np.quantile(jump[inner], _USUAL_SHARE)) if inner.any() else 0.0
     rows = np.flatnonzero(jump > np.where(inner, max(limit, answer), limit)) + 1
@@ -137,7 +157,7 @@ _KIND = Kind(
     "outliers",
     "Outliers",
     "a sample jumps off both neighbours by 15 usual steps and a deviation, alone, and no step of"
-    " an input explains it; in an input by 10 deviations, and no output answers",
+    " an input explains it; in an input up to three are 10 deviations off, and no output answers",
     "set it to NaN, or empty its cell in the CSV file",
 )
 CHECKS = (Check(each_record(outliers), (_KIND,)),)

@@ -268,6 +268,8 @@ def test_assess___command_of_a_proportional_law___is_no_duplicate() -> None:
     proportional = replace(data, u=0.5 - 2.0 * data.y[:, :1])
     assert "duplicated_channel" in warnings(proportional)
     assert "duplicated_channel" not in warnings(replace(proportional, closed_loop=True))
+    same = replace(proportional, u=proportional.y[:, :1].copy(), closed_loop=True)
+    assert "duplicated_channel" in warnings(same)
 
 
 def test_few_values___five_for_each_parameter___suffice() -> None:

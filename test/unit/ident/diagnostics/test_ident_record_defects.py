@@ -198,6 +198,22 @@ def test_outliers___of_the_input___are_named_like_those_of_outputs(drive: str) -
     assert (found["count"], found["first_row"], found["last_row"]) == (3.0, 700.0, 2900.0)
 
 
+@pytest.mark.parametrize(
+    ("rows", "sizes"),
+    [([700, 701], [2e3, 2.1e3]), ([0], [2e3]), ([SAMPLES - 1], [2e3]), ([700, 1500], [13, -14])],
+    ids=["two in a row", "the first sample", "the last one", "small ones"],
+)
+def test_outliers___of_a_random_input___are_found_wherever_they_stand(
+    rows: list[int], sizes: list[float]
+) -> None:
+    data = answer(np.repeat(np.random.default_rng(24).normal(size=(SAMPLES // 3, 1)), 3, axis=0), 24)
+    u = data.u.copy()
+    u[rows, 0] = sizes
+    spoilt = IoData(u, data.y, dt_s=DT_S, inputs=("u",), outputs=data.outputs)
+    found = only(outliers, spoilt, "outliers", "u")
+    assert (found["count"], found["first_row"]) == (len(rows), rows[0])
+
+
 @driven
 def test_outliers___of_clean_records___are_none(drive: str) -> None:
     data = answer(DRIVES[drive](np.random.default_rng(22)), 22)
