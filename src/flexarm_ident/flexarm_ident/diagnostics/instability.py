@@ -19,9 +19,16 @@ if TYPE_CHECKING:
 FAR_OUTSIDE = 1.005
 """Magnitude of an eigenvalue that noise does not give to a model of a stable plant."""
 _GROWTH = 20.0
+# A simulation that grows by more shows its initial state and the rounding of its model alone.
+_LARGEST_GROWTH = 1e4
 _PIECES = 100
 # A stable plant's pieces are missed by the same with the eigenvalue on either side.
 _BETTER = 0.7
+
+
+def short_samples(A: FloatArray) -> int:
+    """Return the samples in which the response of an unstable A grows by 10,000."""
+    return round(np.log(_LARGEST_GROWTH) / np.log(np.abs(np.linalg.eigvals(A)).max()))
 
 
 def is_unstable(A: FloatArray, C: FloatArray, records: Sequence[IoData]) -> bool:

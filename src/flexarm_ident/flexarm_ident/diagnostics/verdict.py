@@ -38,11 +38,6 @@ ESTIMATION_DATA, HELD_OUT, CROSS_VALIDATED = "estimation data", "held-out data",
 """What a fit is computed on."""
 _VALIDATE = "validate it on another record, or fit a leading part of this one (train_fraction)"
 
-_KEEP_UNSTABLE = (
-    "identify a short part with --keep-unstable (stable=False): the plant is unstable in its loop, "
-    "and this model was made stable"
-)
-
 
 class Level(IntEnum):
     """Level of a model, the best first."""
@@ -131,7 +126,7 @@ def verdict(
     validation: str,
     defects: Sequence[str] = (),
     few_values: bool = False,
-    unstable: bool = False,
+    keep_s: float = 0.0,
 ) -> Verdict:
     """Return the verdict from the figures of each output.
 
@@ -150,8 +145,9 @@ def verdict(
     few_values : bool
         Whether the records have too few values for errors on parts of them to be relied on: the
         model is no better than usable then.
-    unstable : bool
-        Whether the plant is unstable and the model was made stable.
+    keep_s : float
+        Of an unstable plant whose model was made stable: the time in which it can be kept so; 0
+        of others.
     """
     known = np.flatnonzero(~np.isnan(errors))
     number = int(known[np.argmax(errors[known])])
@@ -166,8 +162,11 @@ def verdict(
     if few_values:
         level = max(level, Level.USABLE)
     step = _next_step(level, share, outputs[number], validation=validation, defects=defects)
-    if unstable and level > Level.GOOD:
-        step = _KEEP_UNSTABLE
+    if keep_s and level > Level.GOOD:
+        step = (
+            f"identify a short part with --keep-unstable --to {keep_s:.3g}s (stable=False): the "
+            "plant is unstable in its loop, and this model was made stable"
+        )
     return Verdict(level, error, worst, outputs[number], share, validation, step)
 
 

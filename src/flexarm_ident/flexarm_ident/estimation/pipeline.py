@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_core.labels import counted
-from flexarm_ident.diagnostics.instability import FAR_OUTSIDE
+from flexarm_ident.diagnostics.instability import FAR_OUTSIDE, short_samples
 from flexarm_ident.estimation.candidates import fitted
 from flexarm_ident.estimation.direct_term import calls_for_feedthrough
 from flexarm_ident.estimation.identification import Identification
@@ -278,7 +278,7 @@ def _far_outside(A: FloatArray) -> str:
         return ""
     return (
         f", the largest of magnitude {largest:.4f}: a plant that is unstable itself keeps its own "
-        "with stable=False (--keep-unstable), on a record so short that it does not overflow"
+        f"with stable=False (--keep-unstable), on a record of {short_samples(A)} samples or so"
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm_ident.diagnostics.closed_loop import FEEDBACK
 from flexarm_ident.diagnostics.excitation import FEW_VALUES
-from flexarm_ident.diagnostics.instability import is_unstable
+from flexarm_ident.diagnostics.instability import is_unstable, short_samples
 from flexarm_ident.diagnostics.quality import kinds
 from flexarm_ident.diagnostics.spectra import spectra
 from flexarm_ident.diagnostics.verdict import (
@@ -118,7 +118,7 @@ class Outcome:
             validation=validation,
             defects=[kinds()[code].title.lower() for code in defects],
             few_values=FEW_VALUES in defects,
-            unstable=self._made_stable(),
+            keep_s=self._keep_s(),
         )
 
     @cached_property
@@ -141,13 +141,14 @@ class Outcome:
         """Nonparametric frequency response and coherence of the records; None for short ones."""
         return spectra(self.records)
 
-    def _made_stable(self) -> bool:
-        """Return whether the plant is unstable and its model was made stable."""
+    def _keep_s(self) -> float:
+        """Return the time in which an unstable plant's model can be kept; 0 if it is as it was."""
         found = self.identification
-        if not (found.moved_eigenvalues and found.stable):
-            return False
         raw = found.subspace.matrices(found.order)
-        return is_unstable(raw.A, raw.C, self.records)
+        was_moved = found.moved_eigenvalues and found.stable
+        if not was_moved or not is_unstable(raw.A, raw.C, self.records):
+            return 0.0
+        return short_samples(raw.A) * self.records[0].dt_s
 
     def _validated_errors(self) -> tuple[FloatArray, str]:
         """Return errors of `model`, of data that were left out of its fit if there are any."""

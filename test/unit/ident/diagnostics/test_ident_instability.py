@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy import linalg
@@ -38,9 +40,17 @@ def in_its_loop(plant: tuple[np.ndarray, np.ndarray], noise: float, seed: int) -
 def test_run___unstable_plant_in_its_loop___next_step_keeps_it_unstable(
     plant: tuple[np.ndarray, np.ndarray], seed: int
 ) -> None:
-    found = run(in_its_loop(plant, 0.05, seed), Request(reduction="none")).verdict
+    data = in_its_loop(plant, 0.05, seed)
+    found = run(data, Request(reduction="none")).verdict
     assert found.error > 0.5
-    assert "--keep-unstable" in found.next_step
+    told = re.search(r"--keep-unstable --to ([0-9.]+)s", found.next_step)
+    assert told
+    kept = run(
+        data.head(round(float(told[1]) / data.dt_s)), Request(stabilise=False)
+    ).identification
+    pole = float(np.abs(np.linalg.eigvals(kept.model.A)).max())
+    growth = float(np.linalg.eigvals(plant[0]).real.max())
+    assert np.log(pole) / data.dt_s == pytest.approx(growth, rel=0.15)
 
 
 @pytest.mark.parametrize("seed", range(20))

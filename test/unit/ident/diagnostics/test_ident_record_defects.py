@@ -206,7 +206,9 @@ def test_outliers___of_the_input___are_named_like_those_of_outputs(drive: str) -
 def test_outliers___of_a_random_input___are_found_wherever_they_stand(
     rows: list[int], sizes: list[float]
 ) -> None:
-    data = answer(np.repeat(np.random.default_rng(24).normal(size=(SAMPLES // 3, 1)), 3, axis=0), 24)
+    data = answer(
+        np.repeat(np.random.default_rng(24).normal(size=(SAMPLES // 3, 1)), 3, axis=0), 24
+    )
     u = data.u.copy()
     u[rows, 0] = sizes
     spoilt = IoData(u, data.y, dt_s=DT_S, inputs=("u",), outputs=data.outputs)
