@@ -119,7 +119,7 @@ def design_model(model: control.StateSpace) -> DesignModel:
     C, missed = fit(time_constant_s)
     if missed[POSITION] > _MOST_MISSED:
         raise SettingError(
-            f"{100 * missed[POSITION]:.0f} % of the model's {OUTPUTS[POSITION]} is not that of a "
+            f"{100 * missed[POSITION]:.3g} % of the model's {OUTPUTS[POSITION]} is not that of a "
             f"hub that turns freely and bends, at most {100 * _MOST_MISSED:.0f} % may be: identify "
             "the arm from a closed-loop experiment, such as C_dat3"
         )

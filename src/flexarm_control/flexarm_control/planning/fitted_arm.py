@@ -87,7 +87,7 @@ def fitted_arm(model: control.StateSpace, figures: ArmFigures) -> OneArm:
         drag_per_s = figures.drag_of(gain)
     if not (missed <= _MOST_MISSED and gain > 0.0):
         raise SettingError(
-            f"{100 * missed:.0f} % of the model's {OUTPUTS[POSITION]} is not that of a hub that "
+            f"{100 * missed:.3g} % of the model's {OUTPUTS[POSITION]} is not that of a hub that "
             f"turns freely and bends, at most {100 * _MOST_MISSED:.0f} % may be: identify the arm "
             "from a closed-loop experiment, such as C_dat3"
         )

@@ -109,9 +109,14 @@ def offsets(records: Sequence[IoData]) -> Iterator[DataWarning]:
         mean, deviation = _mean_and_deviation(look(x))
         if abs(mean) > LARGEST_OFFSET * deviation:
             mean, deviation = _mean_and_deviation(x)
+            remedy = (
+                "remove its bias (--bias mean)"
+                if name in records[0].outputs
+                else "subtract its mean where the outputs keep their level under it"
+            )
             yield _OFFSET(
                 f"{name} is almost all offset (mean {mean:.4g}, deviation {deviation:.2g}): "
-                "remove its bias where no note says that it was removed (--bias mean)",
+                f"{remedy}",
                 {"mean": mean, "deviation": deviation},
                 channel=name,
             )

@@ -164,7 +164,7 @@ def test_assess___offset___is_named_with_mean_and_deviation() -> None:
     assert figures["mean"] == pytest.approx(50.0 + clean.y[:, 2].mean())
     assert figures["deviation"] == pytest.approx(clean.y[:, 2].std())
     assert "run 3: middle_strain_v is almost all offset (mean 5" in str(found["offset"])
-    assert "where no note says that it was removed (--bias mean)" in str(found["offset"])
+    assert "remove its bias (--bias mean)" in str(found["offset"])
 
 
 def test_assess___dead_channel_with_rare_spikes___is_named() -> None:
