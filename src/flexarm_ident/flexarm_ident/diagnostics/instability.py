@@ -28,7 +28,8 @@ _BETTER = 0.7
 
 def short_samples(A: FloatArray) -> int:
     """Return the samples in which the response of an unstable A grows by 10,000."""
-    return round(np.log(_LARGEST_GROWTH) / np.log(np.abs(np.linalg.eigvals(A)).max()))
+    largest = float(np.abs(np.linalg.eigvals(A)).max())
+    return round(float(np.log(_LARGEST_GROWTH) / np.log(largest)))
 
 
 def is_unstable(A: FloatArray, C: FloatArray, records: Sequence[IoData]) -> bool:
