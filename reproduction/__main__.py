@@ -58,24 +58,33 @@ def main() -> None:
 )
 @click.option("--jobs", type=click.IntRange(1), help="Processes; by default one per core.")
 @click.option("--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster.")
+@click.option("--anew", is_flag=True, help="Compute what is kept of earlier runs too.")
 @FORCE
 @examples(
     "reproduce --list",
     "reproduce table-2-4",
     "reproduce 'figure-4-*' chapter-3",
     "reproduce all -o docs/reproduction",
+    "reproduce table-2-4 --anew",
     "reproduce all --dask tcp://10.0.0.7:8786",
 )
 def command(
-    keys: tuple[str, ...], out: Path, jobs: int | None, dask: str, *, listing: bool, force: bool
+    keys: tuple[str, ...],
+    out: Path,
+    jobs: int | None,
+    dask: str,
+    **switches: bool,
 ) -> None:
-    """Set tables, figures and claims of the thesis beside our own, with a verdict each."""
-    if listing:
+    """Set tables, figures and claims of the thesis beside our own, with a verdict each.
+
+    What was computed is kept, and taken again until the source changes.
+    """
+    if switches.pop("listing"):
         show_subjects(keys)
         return
     if not keys:
         raise click.UsageError("name a subject, such as table-2-4, or all; --list shows them")
-    sys.exit(reproduce_subjects(keys, out, Workers(jobs or -1, dask), force=force))
+    sys.exit(reproduce_subjects(keys, out, Workers(jobs or -1, dask), **switches))
 
 
 def show_subjects(wanted: Sequence[str]) -> None:
@@ -87,7 +96,12 @@ def show_subjects(wanted: Sequence[str]) -> None:
 
 
 def reproduce_subjects(
-    wanted: Sequence[str], out: Path, workers: Workers, *, force: bool = False
+    wanted: Sequence[str],
+    out: Path,
+    workers: Workers,
+    *,
+    force: bool = False,
+    anew: bool = False,
 ) -> int:
     """Run subjects, print them, write the pages; return the exit code."""
     subjects = all_subjects()
@@ -95,9 +109,12 @@ def reproduce_subjects(
     require_place(pages_of(chosen, out), force=force)
     try:
         with terminal.progress() as show:
-            outcomes = reproduce(chosen, Store(CACHE), workers=workers, progress=show)
+            outcomes = reproduce(chosen, Store(CACHE), workers=workers, progress=show, anew=anew)
     except KeyboardInterrupt:
-        terminal.CONSOLE.print("what was computed is kept: the same command goes on from there")
+        terminal.CONSOLE.print(
+            f"what was computed is kept: the same command{' without --anew' * anew} goes on from "
+            "there"
+        )
         raise
     for outcome in outcomes:
         _show(outcome)

@@ -124,6 +124,7 @@ def reproduce(
     *,
     workers: Workers | None = None,
     progress: Progress | None = None,
+    anew: bool = False,
 ) -> tuple[Outcome, ...]:
     """Compute the results that the store lacks, and build the findings.
 
@@ -137,6 +138,8 @@ def reproduce(
         Processes; by default the cores of this machine.
     progress : callable, optional
         Called with a word and the share that is done.
+    anew : bool
+        Compute what the store has too, and replace it.
 
     Returns
     -------
@@ -150,7 +153,7 @@ def reproduce(
     """
     report = progress or (lambda _text, _part: None)
     calls = tuple(dict.fromkeys(call for subject in subjects for call in subject.needs))
-    results = store.find(calls)
+    results = {} if anew else store.find(calls)
     missing = [call for call in calls if call not in results]
     failures: dict[Call, str] = {}
     report("computing", len(results) / max(len(calls), 1))

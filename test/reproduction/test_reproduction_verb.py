@@ -62,6 +62,19 @@ def test_reproduce___subject___is_written_and_its_results_are_kept(tmp_path: Pat
     assert len(list((tmp_path / program.CACHE).iterdir())) == 1
 
 
+def test_reproduce___anew___computes_what_is_kept(tmp_path: Path) -> None:
+    def kept() -> int:
+        (file,) = (tmp_path / program.CACHE).iterdir()
+        return file.stat().st_ino
+
+    flexarm("table-2-1")
+    first = kept()
+    flexarm("table-2-1")
+    assert kept() == first
+    flexarm("table-2-1", "--anew")
+    assert kept() != first
+
+
 @pytest.mark.parametrize("name", ["index.md", "chapter-2.md"])
 def test_reproduce___page_of_somebody_else___is_refused_before_the_work(
     tmp_path: Path, name: str
