@@ -149,9 +149,15 @@ class Beside:
         return self.within >= MOST * len(self.thesis)
 
     @property
+    def beats_constant(self) -> bool:
+        """Return whether they are nearer than the best constant, rounding apart."""
+        level = bool(np.isclose(self.distance, self.constant_distance))
+        return self.distance < self.constant_distance and not level
+
+    @property
     def agrees(self) -> bool:
-        """Return whether they are, and nearer than the best constant."""
-        return self.is_near and self.distance < self.constant_distance
+        """Return whether most are within the band, and all nearer than the best constant."""
+        return self.is_near and self.beats_constant
 
     @property
     def text(self) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from reproduction.framework.verdicts import (
-    LEVEL,
     Beside,
     Statement,
     Verdict,
@@ -20,6 +20,7 @@ from reproduction.framework.verdicts import (
     less,
     mostly,
     ranked,
+    sign_test,
 )
 from support.project import PROJECT
 
@@ -58,14 +59,56 @@ def test_judged___parts___make_the_verdict(
     assert ("The reason." in found.because) == (verdict in (Verdict.PARTLY, Verdict.DIFFERS))
 
 
-def test_judged___every_combination___agrees_only_above_a_constant_and_unreversed() -> None:
-    for figures in itertools.product((NEAR, LEVELLED, FAR), repeat=2):
-        for statements in itertools.product((HOLDS, OPEN, REVERSED), repeat=2):
-            found = judged(figures=figures, statements=statements)
-            if found.verdict is Verdict.AGREES:
-                assert all(each.distance < each.constant_distance for each in figures)
-            if found.verdict in (Verdict.AGREES, Verdict.SAME_CONCLUSIONS):
-                assert all(each.p_value < LEVEL for each in statements)
+POSITIVE = st.floats(1e-3, 1e3)
+
+
+@given(st.lists(POSITIVE, min_size=1, max_size=20), POSITIVE, st.data())
+def test_constant___beside_any_figures___never_agrees(
+    theirs: list[float], anywhere: float, data: st.DataObject
+) -> None:
+    for constant in (anywhere, data.draw(st.sampled_from(theirs)), float(np.median(theirs))):
+        levelled = Beside("errors", tuple(theirs), (constant,) * len(theirs))
+        for statements in ([], [HOLDS]):
+            found = judged(figures=[levelled], statements=statements)
+            assert found.verdict is not Verdict.AGREES
+
+
+RUNS = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=5, max_size=30)
+
+
+@given(st.lists(RUNS, min_size=1, max_size=4), st.booleans())
+def test_reversed_statement___among_any_others___is_neither_agreement_nor_same_conclusions(
+    runs: list[list[tuple[int, int]]],
+    near: bool,  # noqa: FBT001 - drawn
+) -> None:
+    told = [less("told", *zip(*pairs, strict=True)) for pairs in runs]
+    turned = [less("turned", *tuple(zip(*pairs, strict=True))[::-1]) for pairs in runs]
+    # What the runs bear out is reversed where the thesis says the opposite.
+    assert [each.holds for each in told] == [each.is_reversed for each in turned]
+    found = judged(figures=[NEAR] if near else [FAR], statements=turned)
+    if any(each.holds for each in told):
+        assert found.verdict is Verdict.DIFFERS
+
+
+@pytest.mark.parametrize(
+    ("within", "number", "near"), [(9, 10, True), (8, 10, False), (4, 4, True), (3, 4, False)]
+)
+def test_beside___most_within_the_band___are_nine_in_ten_or_all_of_fewer(
+    within: int,
+    number: int,
+    near: bool,  # noqa: FBT001 - as the table has it
+) -> None:
+    ours = (1.0,) * within + (9.0,) * (number - within)
+    assert Beside("errors", (1.0,) * number, ours).is_near is near
+
+
+def test_judged___by_construction___is_told_of_an_agreement_only() -> None:
+    def verdict(*statements: Statement) -> Verdict:
+        return judged(statements=statements, by_construction=True).verdict
+
+    assert verdict(HOLDS) is Verdict.BY_CONSTRUCTION
+    assert verdict(HOLDS, OPEN) is Verdict.PARTLY
+    assert verdict(HOLDS, REVERSED) is Verdict.DIFFERS
 
 
 def test_judged___without_parts___is_refused() -> None:
@@ -111,6 +154,28 @@ def test_statements___of_several_parts___need_all_or_one() -> None:
     assert any_of("", [HOLDS, REVERSED]).holds
     assert not any_of("", [OPEN, REVERSED]).is_reversed
     assert any_of("", [REVERSED, REVERSED]).is_reversed
+
+
+def test_sign_test___ties___count_against_the_claim() -> None:
+    # At least one of three fair coins.
+    assert sign_test([0, 1, 1], [1, 1, 1]) == pytest.approx(1.0 - 0.5**3)
+    assert sign_test([1, 1, 1], [1, 1, 1]) == pytest.approx(1.0)
+    assert sign_test([0] * 5, [1] * 5) == pytest.approx(0.5**5)
+    ties = less("", [0] * 5 + [1] * 5, [1] * 10)
+    assert not ties.holds
+    assert not ties.is_reversed
+
+
+def test_statements___of_several_parts___are_tested_as_several() -> None:
+    # One of two parts may be what chance gives one in twenty times.
+    once, twice = Statement("", 0.03, 0.03), Statement("", 0.02, 0.02)
+    other = Statement("", 0.9, 0.9)
+    assert all_of("", [once, other]).p_opposite == pytest.approx(0.06)
+    assert any_of("", [once, other]).p_value == pytest.approx(0.06)
+    assert all_of("", [twice, other]).is_reversed
+    assert any_of("", [twice, other]).holds
+    assert all_of("", [other, other]).p_opposite == pytest.approx(1.0)
+    assert any_of("", [other, other]).p_value == pytest.approx(1.0)
 
 
 def test_ranked___order_of_many___is_told() -> None:
