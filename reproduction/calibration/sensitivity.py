@@ -16,8 +16,8 @@ from flexarm_control.design.criteria import itae, step_itae
 from flexarm_control.design.step_response import pdp_step_response
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
-from reproduction.calibration.figures import RUNS_AWAY, figures_of, parts
-from reproduction.calibration.points import CHAPTERS, summed
+from reproduction.calibration.figures import RUNS_AWAY, SLACK, figures_of, parts
+from reproduction.calibration.points import CHAPTERS, FARTHEST, summed
 from reproduction.framework.findings import (
     SEEDS,
     Call,
@@ -28,9 +28,11 @@ from reproduction.framework.findings import (
     thesis_table,
 )
 from reproduction.framework.study_rig import CHOICES
-from reproduction.framework.verdicts import Judgement, Verdict
+from reproduction.framework.verdicts import BAND, Judgement, Verdict
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from reproduction.calibration.figures import Changes, Figure, Settings
     from reproduction.framework.findings import Results
 
@@ -100,20 +102,39 @@ def _swept(key: str, results: Results) -> Finding:
     }
     rows = _record_rows if choice.records else _chapter_rows
     headings, cells, distances = rows(found)
-    nearest = min(distances, key=lambda value: distances[value])
+    shown = {value: f"{far:.2f}" for value, far in distances.items()}
+    least = f"{min(distances.values()):.2f}"
+    nearest = [choice.text(value) for value, far in shown.items() if far == least]
     marked = tuple(
         (f"{choice.text(value)}{' (taken)' * (value == choice.taken)}", *cells[value])
         for value in choice.values
     )
-    listed = ", ".join(f"{far:.2f} ({choice.text(value)})" for value, far in distances.items())
+    listed = ", ".join(f"{far} ({choice.text(value)})" for value, far in shown.items())
     return Finding(
         Judgement(
             Verdict.OURS,
-            f"{choice.text(choice.taken)}. Distance of the figures: {listed}; nearest is "
-            f"{choice.text(nearest)}. {prose(f'{key}.rule')}",
+            f"{choice.text(choice.taken)}. Distance of the figures: {listed}; "
+            f"{' and '.join(nearest)} {'tie' if len(nearest) > 1 else 'is nearest'}. "
+            f"{' '.join((prose(f'{key}.rule'), *_fewer(choice, found)))}",
         ),
         (SideBySide(f"Seeds {_seeds()}", ("value", *headings), marked),),
+        text=(
+            prose(
+                f"choice-s.{'records' if choice.records else 'chapters'}",
+                band=BAND,
+                farthest=FARTHEST,
+                slack=SLACK,
+            ),
+        ),
     )
+
+
+def _fewer(choice: Choice, found: dict[float, list[Figure]]) -> Iterator[str]:
+    """Yield how many figures a value has fewer than another, and why."""
+    most = max(map(len, found.values()))
+    for value, figures in found.items():
+        if len(figures) < most:
+            yield prose("choice-s.fewer", value=choice.text(value), fewer=most - len(figures))
 
 
 def _seeds() -> str:
@@ -138,7 +159,7 @@ def _chapter_rows(
         for value, point in points.items()
     }
     names = (f"{'appendix' if each == 'B' else 'chapter'} {each}" for each in CHAPTERS)
-    headings = (*names, "all", "distance", "2-12 runs away")
+    headings = (*names, "all", "distance", "loop of 2-12 runs away")
     return headings, cells, {value: point.distance for value, point in points.items()}
 
 
@@ -155,7 +176,7 @@ def _record_rows(
             for name in names
         }
         far = float(np.mean([abs(np.log(ours[name] / theirs[name])) for name in names]))
-        distances[value] = far / np.log(1.5)
+        distances[value] = far / np.log(BAND)
         cells[value] = (*(f"{ours[name]:.3f}" for name in names), f"{distances[value]:.2f}")
     headings = (*(f"{name} (thesis {theirs[name]:.3f})" for name in names), "distance")
     return headings, cells, distances
@@ -189,15 +210,17 @@ def _horizon(results: Results) -> Finding:
         for length_s, (error, *_) in sums.items()
     }
     nearest = min(off, key=lambda length_s: off[length_s])
-    thesis = (
-        *("thesis", f"{printed['error_itae_sum']:.3f}", f"{printed['strain_itae_sum']:.3f}"),
-        *("", f"{printed['criterion']:.3f}"),
+    error, strain, criterion = (
+        printed[name] for name in ("error_itae_sum", "strain_itae_sum", "criterion")
     )
+    thesis = ("thesis", f"{error:.3f}", f"{strain:.3f}", "", f"{error + strain:.3f}")
+    totals = {length_s: error + strain for length_s, (error, strain, _) in sums.items()}
+    whole = min(totals, key=lambda length_s: abs(np.log(totals[length_s] / criterion)))
     rows = tuple(
         (
             f"{length_s:g} s{' (taken)' * (length_s == CHOICES.criterion_s)}",
             *(f"{each:.3f}" for each in each_of),
-            f"{each_of[0] + each_of[1]:.3f}",
+            f"{totals[length_s]:.3f}",
         )
         for length_s, each_of in sums.items()
     )
@@ -205,7 +228,8 @@ def _horizon(results: Results) -> Finding:
         Judgement(
             Verdict.OURS,
             f"{CHOICES.criterion_s:g} s. The sum of E of the thesis's gains comes nearest to the "
-            f"printed one with {nearest:g} s. {prose('choice-s-6.rule')}",
+            f"printed one with {nearest:g} s. "
+            + prose("choice-s-6.rule", criterion=criterion, length_s=whole, total=totals[whole]),
         ),
         (
             SideBySide(

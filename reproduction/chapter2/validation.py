@@ -234,14 +234,21 @@ def loop_judgement(
         reason=prose(
             "figure-2-12.reason",
             late=LATE_SAMPLES,
-            does="would explain it"
-            if late.away.mean() > OFTEN
-            else "makes it likelier, and does not explain it alone",
+            does=_explains(float(np.mean(~loop_stable)), late.away),
             away=late.away.mean(),
-            loop_hz=np.median(late.loop_hz[late.away]) if late.away.any() else 0.0,
+            where=f", at {np.median(late.loop_hz[late.away]):.1f} Hz" if late.away.any() else "",
             error=np.median(late.dmv.mean(axis=1)),
         ),
     )
+
+
+def _explains(away: float, late_away: NDArray[np.bool_]) -> str:
+    """Return what a late record explains, by how often the loop runs away with it and without."""
+    if late_away.mean() > OFTEN:
+        return "would explain it"
+    if late_away.mean() > away:
+        return "makes it likelier, and does not explain it alone"
+    return "does not explain it"
 
 
 def _dmv(results: Results, record: str) -> Finding:

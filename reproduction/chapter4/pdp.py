@@ -141,6 +141,7 @@ def _table(results: Results) -> Finding:
                 strain_sum=strain_sum,
                 total=0.5 * (error_sum + strain_sum),
                 criterion=printed["criterion"],
+                length_s=choices().criterion_s,
             ),
         ),
     )

@@ -200,7 +200,7 @@ def _table(results: Results) -> Finding:
     return Finding(
         table_judgement({code: cases(results, code) for code in CODES}),
         (SideBySide("PI laws", ("model", "type", "figure", "thesis", "ours"), tuple(rows)),),
-        text=(prose("table-4-1.text", seeds=len(SEEDS)),),
+        text=(prose("table-4-1.text", length_s=choices().criterion_s, seeds=len(SEEDS)),),
     )
 
 

@@ -33,11 +33,11 @@ identifies, reduces, tunes and controls as the thesis does, and writes these pag
 give the same pages.
 
 Each subject is judged in up to three parts. Its *figures* agree when nine in ten lie within a
-stated band, and when they are nearer to the thesis's than the best constant would be, the one
-number that comes nearest to all of them. Its *conclusions* are statements of the thesis's text, or
-the order that a table gives its rows. Each has a test at 5 %: it holds, or its opposite does and it
-is reversed, or it stays open. What is impossible as it is printed, or not printed at all, is *not
-comparable*. From the parts follows the verdict:
+stated band (of fewer than ten, all), and when they are nearer to the thesis's than the best
+constant would be, the one number that comes nearest to all of them. Its *conclusions* are
+statements of the thesis's text, or the order that a table gives its rows. Each has a test at 5 %:
+it holds, or its opposite does and it is reversed, or it stays open. What is impossible as it is
+printed, or not printed at all, is *not comparable*. From the parts follows the verdict:
 
 - **agrees**: all figures agree and all conclusions hold.
 - **agrees by construction**: so they do, and could hardly do otherwise, because rig or method was
@@ -141,7 +141,8 @@ def _counts(pages: dict[str, list[tuple[Subject, Finding]]]) -> Iterator[tuple[s
     earlier = _earlier()
     names = {"same ranking": Verdict.SAME_CONCLUSIONS.value}
     words = [names.get(word, word) for word in earlier.values()]
-    yield "earlier edition, by its rules", *(str(words.count(kind.value)) for kind in Verdict)
+    label = "earlier edition, by its own rules, its *same ranking* under same conclusions"
+    yield label, *(str(words.count(kind.value)) for kind in Verdict)
 
 
 def _parts(pages: dict[str, list[tuple[Subject, Finding]]]) -> Iterator[tuple[str, ...]]:
@@ -171,7 +172,7 @@ def _by_title(
 def _figures(judgement: Judgement) -> str:
     return "; ".join(
         f"{each.within} of {len(each.thesis)}"
-        + ("" if each.distance < each.constant_distance else ", no nearer than a constant")
+        + ("" if each.beats_constant else ", no nearer than a constant")
         for each in judgement.figures
     )
 
@@ -210,7 +211,9 @@ _LEFT_OUT = {
 
 def _why(judgement: Judgement) -> str:
     if not (judgement.figures or judgement.statements):
-        return judgement.because.partition(". ")[0].removesuffix(".")
+        sentences = judgement.because.removesuffix(".").split(". ")
+        # The last one of a subject without a verdict of its own names that which has it.
+        return sentences[-1 if judgement.verdict is Verdict.ELSEWHERE else 0]
     parts = [f"figures: {_figures(judgement)}"] if judgement.figures else []
     if judgement.statements:
         parts.append(f"conclusions: {_conclusions(judgement)}")

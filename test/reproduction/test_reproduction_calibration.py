@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from reproduction.calibration.figures import figures_of, parts
+from reproduction.calibration import sensitivity
+from reproduction.calibration.figures import RUNS_AWAY, TRACKING, Figure, figures_of, parts
+from reproduction.calibration.points import FARTHEST, distance, summed
 from reproduction.chapter2.order_survey import set_point_record
+from reproduction.framework.findings import Finding, thesis_table
 from reproduction.framework.rig import simulated_record
 from reproduction.framework.study_rig import CHOICES, STUDY_RIG, studied_with, study_rig
 
@@ -50,3 +53,90 @@ def test_figures___of_a_gauge_with_half_the_gain___halve_its_gain_in_the_model()
 def test_figures___of_the_tracking___are_within_a_twentieth_of_a_volt() -> None:
     (error,) = figures_of("tracking", "0.2", (), 1)
     assert error.ours <= 0.05
+
+
+def test_distance___of_a_figure___is_in_factors_of_the_band() -> None:
+    def far(thesis: float, ours: float, slack: float = 0.0) -> float:
+        return distance(Figure("2", "figure", thesis, ours, slack))
+
+    assert far(2.0, 3.0) == pytest.approx(1.0)
+    assert far(9.0, 4.0) == pytest.approx(2.0)
+    assert far(0.10, 0.14) > 0.0
+    assert far(0.10, 0.14, 0.05) == 0.0
+    for ours in (100.0, np.inf, 0.0):
+        assert far(1.0, ours) == pytest.approx(FARTHEST)
+
+
+def test_summed___figures_of_all_chapters___weigh_the_chapters_alike() -> None:
+    figures = [
+        *(Figure("2", "error", 1.0, ours) for ours in (1.0, 1.0, 2.25)),
+        Figure("3", "error", 1.0, 1.5),
+        Figure("4", f"{TRACKING} 0 kg", 0.0, 0.02, 0.05),
+        Figure("4", f"{TRACKING} 0.2 kg", 0.0, 0.04, 0.05),
+        Figure("B", "gain", 1.0, 1.5**-2),
+        Figure("-", "of no chapter", 1.0, 9.0),
+    ]
+    point = summed({}, figures)
+    assert point.within == {"2": 2, "3": 1, "4": 2, "B": 0}
+    assert point.figures == {"2": 3, "3": 1, "4": 2, "B": 1}
+    assert point.total == 5
+    assert point.distance == pytest.approx((2 / 3 + 1 + 0 + 2) / 4)
+    assert point.tracking_v == pytest.approx(0.04)
+
+
+CHAPTER_OF = {"table": "2", "example": "3", "pi": "4", "tracking": "4", "nominal": "B"}
+
+
+def swept(key: str, factors: dict[float, float], gone: float | None = None) -> Finding:
+    """Return a choice's finding when every figure is off by a factor, and one value lacks some."""
+    choice = sensitivity.CHOICES_SWEPT[key]
+    results = {}
+    for value, factor in factors.items():
+        for call in choice.calls(value):
+            kind, name = call.arguments[:2]
+            words = {"tracking": TRACKING, "table": f"{name}, mean error"}.get(kind, name)
+            figures = [Figure(CHAPTER_OF[kind], words, 1.0, factor)]
+            if name == "B_dat9":
+                figures.append(
+                    Figure("-", f"{name}, {RUNS_AWAY}", 1.0, float(call.arguments[3] > 1))
+                )
+            results[call] = [] if (value, kind) == (gone, "pi") else figures
+    (subject,) = (each for each in sensitivity.SUBJECTS if each.key == key)
+    return subject.build(results)
+
+
+def test_choice___of_all_chapters___tells_distances_ties_and_what_is_missing() -> None:
+    finding = swept("choice-s-4", {5e-4: 1.5**2, 1e-3: 1.5, 2e-3: 1.0 / 1.5, 3e-3: 9.0}, gone=3e-3)
+    because = finding.judgement.because
+    assert because.startswith("0.5 ms. Distance of the figures: 2.00 (0.5 ms), 1.00 (1 ms), ")
+    assert "1.00 (2 ms), 3.00 (3 ms); 1 ms and 2 ms tie. " in because
+    # Two models of the PI law and two seeds.
+    assert "With 3 ms there are 4 figures fewer" in because
+    rows = {row[0]: row[1:] for row in finding.tables[0].rows}
+    assert rows["0.5 ms (taken)"][-3:] == ("0", "2.00", "1 of 2")
+    assert rows["1 ms"][0] == "12 of 12"
+    assert rows["3 ms"][2] == "0 of 6"
+
+
+def test_choice___of_some_records___compares_their_errors() -> None:
+    finding = swept("choice-s-1", {0.002: 0.5, 0.01: 0.6, 0.05: 0.7})
+    # Each figure is one of the thesis times the factor.
+    far = [abs(np.log(each)) / np.log(1.5) for each in (0.5, 0.6, 0.7)]
+    listed = ", ".join(
+        f"{each:.2f} ({hold} ms)" for each, hold in zip(far, (2, 10, 50), strict=True)
+    )
+    assert f"figures: {listed}; 50 ms is nearest" in finding.judgement.because
+    assert finding.tables[0].rows[0][:2] == ("2 ms (taken)", "0.500")
+
+
+def test_length_of_the_step___sums_of_the_thesis___stand_beside_ours_and_its_criterion_apart() -> (
+    None
+):
+    (subject,) = (each for each in sensitivity.SUBJECTS if each.key == "choice-s-6")
+    finding = subject.build({call: (1.0, call.arguments[0], 0.5) for call in subject.needs})
+    printed = thesis_table("table_4_2")
+    thesis, *_, last = finding.tables[0].rows
+    assert thesis[-1] == f"{printed['error_itae_sum'] + printed['strain_itae_sum']:.3f}"
+    assert last == ("5 s", "1.000", "5.000", "0.500", "6.000")
+    # 1 + 5 is nearest to the printed criterion of 5.81.
+    assert "with 5 s, 6.000" in " ".join(finding.judgement.because.split())

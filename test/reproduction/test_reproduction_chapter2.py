@@ -258,7 +258,11 @@ def test_figure_2_12___is_judged_by_the_record_as_it_is_and_explained_by_a_late_
     assert "would explain it: " in differing.because
     assert "run away in 100% of the seeds, at 24.7 Hz" in differing.because
     seldom = validation.loop_judgement(np.ones(4, bool), [1.0] * 4, made_up_late_record(away=False))
-    assert "does not explain it alone: " in seldom.because
+    assert "does not explain it: " in seldom.because
+    assert " Hz" not in seldom.because
+    late = replace(made_up_late_record(away=True), away=np.arange(20) < 5)
+    likelier = validation.loop_judgement(np.ones(20, bool), [1.0] * 4, late)
+    assert "makes it likelier, and does not explain it alone: " in likelier.because
 
 
 def test_late_record___outputs_behind_the_input___make_the_loop_run_away(

@@ -12,7 +12,7 @@ from reproduction.framework import findings
 from reproduction.framework.computing import Outcome
 from reproduction.framework.document import write_document
 from reproduction.framework.findings import Finding, Plot, SideBySide, Subject
-from reproduction.framework.verdicts import Judgement, Verdict
+from reproduction.framework.verdicts import Judgement, Verdict, elsewhere
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -127,6 +127,14 @@ def test_write_document___failed_subject___is_left_out(tmp_path: Path) -> None:
     write_document((failed, *OUTCOMES[1:]), tmp_path, complete=True)
     assert "table-2-1" not in (tmp_path / "chapter-2.md").read_text("utf-8")
     assert "chapter-2.md#table-2-1" not in (tmp_path / "index.md").read_text("utf-8")
+
+
+def test_write_document___verdict_that_another_subject_has___keeps_its_name(tmp_path: Path) -> None:
+    finding = Finding(elsewhere("table-3-1b", "Nothing runs away. The errors are judged in"))
+    moved = Outcome(Subject("figure-3-3", "Data matching", (), lambda _: finding), finding)
+    write_document([moved], tmp_path, complete=True)
+    index = (tmp_path / "index.md").read_text("utf-8").splitlines()
+    assert "| figure-3-3 | differs | see elsewhere | The errors are judged in table-3-1b |" in index
 
 
 @pytest.mark.parametrize("module", [findings, tables])
