@@ -30,6 +30,19 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.system
 
+# Twin whose second rate is not a number from an instant on.
+BREAKING = """
+import math
+
+from flexarm_control.twin import TwinRig
+
+class Breaking(TwinRig):
+    def read(self):
+        sample = super().read()
+        if sample.time_s > 2.0:
+            sample.outputs[3] = math.nan
+        return sample
+"""
 TOPICS = ["commander", "law", "rig_description", "io", "io_channels", "io_command", "io_reference"]
 
 
@@ -132,9 +145,14 @@ def test_set_points___of_each_joint___and_a_joint_that_is_none(
     graph.wait(arrived, "both joints at their set-points")
 
 
-@pytest.mark.parametrize("end", ["kill", "emergency stop"])
+@pytest.mark.parametrize("end", ["kill", "emergency stop", "sensor fault"])
 def test_drives___of_all_inputs___go_to_zero(graph: Graph, tmp_path: Path, end: str) -> None:
     file, _ = rig_of(tmp_path, two_motors())
+    if end == "sensor fault":
+        (tmp_path / "breaking.py").write_text(BREAKING)
+        text = file.read_text()
+        assert "driver: twin" in text
+        file.write_text(text.replace("driver: twin", "driver: breaking.py:Breaking"))
     samples: list[IoSample] = []
     graph.node.create_subscription(IoSample, "io", samples.append, qos.EVERY)
     wave = {"reference": "square", "square.period_s": 0.4}
@@ -143,8 +161,10 @@ def test_drives___of_all_inputs___go_to_zero(graph: Graph, tmp_path: Path, end: 
     graph.wait(lambda: any(np.abs(each.inputs).min() > 0.1 for each in samples), "both drives")
     if end == "kill":
         graph.stop(controller, signal.SIGKILL)
-    else:
+    elif end == "emergency stop":
         assert graph.call(Trigger, "emergency_stop", Trigger.Request()).success
+    else:
+        graph.wait(lambda: bool(np.isnan(samples[-1].outputs[3])), "the sensor's fault")
     samples.clear()
     graph.wait(lambda: len(samples) > 100, "samples behind the end")
     # Three periods, and what was on its way.

@@ -177,15 +177,15 @@ class JointLaws:
         efforts, compensations = list(self._rest), [0.0] * len(self._rest)
         rows = zip(self._ways, self._loops, self._rates_v, references, strict=True)
         for way, loop, filtered, reference in rows:
-            position_v = way.reference_v(sample.outputs[way.angle])
-            speed_v = filtered.step(position_v) * _SPEED_S
+            angle_v = way.reference_v(sample.outputs[way.angle])
+            rate_v = filtered.step(angle_v) * _SPEED_S
             if way.rate is not None:
-                speed_v = way.rate_volts_per_unit * sample.outputs[way.rate]
+                rate_v = way.rate_volts_per_unit * sample.outputs[way.rate]
             drive = DriveCommand(
                 (sample.commands[way.input] - way.rest) / way.per_volt,
                 sample.compensations[way.input] / way.per_volt,
             )
-            volts = (position_v, 0.0, 0.0, speed_v)
+            volts = (angle_v, 0.0, 0.0, rate_v)
             effort_v, compensation_v = loop.step(volts, way.reference_v(reference), drive)
             efforts[way.input] = way.rest + way.per_volt * effort_v
             compensations[way.input] = way.per_volt * compensation_v

@@ -106,12 +106,10 @@ class LoopRun:
     @property
     def _figures(self) -> list[tuple[str, str]]:
         """Return the figures of a step where the reference is one, else of the error alone."""
-        position_v, end_v = self.y[:, 0], float(self.reference_v[-1])
+        hub_v, end_v = self.y[:, 0], float(self.reference_v[-1])
         if np.any(self.reference_v != end_v):
-            return [
-                ("RMS error", f"{np.sqrt(np.mean((self.reference_v - position_v) ** 2)):.3f} V")
-            ]
-        step = step_figures(self.time_s, position_v, end_v)
+            return [("RMS error", f"{np.sqrt(np.mean((self.reference_v - hub_v) ** 2)):.3f} V")]
+        step = step_figures(self.time_s, hub_v, end_v)
         return [
             ("set-point", f"{end_v:g} V"),
             ("mean error", f"{step.mean_error_v:+.4f} V"),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.schema import describe, own_types, share_of
 from flexarm_bags.writer import BagWriter
+from flexarm_core.channels import CHANNEL_NAMES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -74,16 +75,12 @@ class LoopBag:
     def add_state(self, record: Record, stamp_ns: int) -> None:
         """Add one sample."""
         (command_v,), (compensation_v,) = record.commands, record.compensations
-        position_v, base_strain_v, middle_strain_v, speed_v = record.outputs.tolist()
         self._add(
             "state",
             stamp_ns,
             header=self._header(stamp_ns),
             sequence=record.sequence,
-            position_v=position_v,
-            base_strain_v=base_strain_v,
-            middle_strain_v=middle_strain_v,
-            speed_v=speed_v,
+            **dict(zip(CHANNEL_NAMES, record.outputs.tolist(), strict=True)),
             command_v=command_v,
             compensation_v=compensation_v,
             command_sequence=record.command_sequence,

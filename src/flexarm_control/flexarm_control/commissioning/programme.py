@@ -151,8 +151,8 @@ class Programme:
         """
         found = [_GROWTH, MAX_COMMAND_V / magnitude_v]
         for way in joint_ways(self.rig):
-            position_v = way.volts_per_unit * (record.y[:, way.angle] - way.middle)
-            found.append(_MOST_SHARE * TRAVEL_V / float(np.abs(position_v).max()))
+            travelled_v = way.volts_per_unit * (record.y[:, way.angle] - way.middle)
+            found.append(_MOST_SHARE * TRAVEL_V / float(np.abs(travelled_v).max()))
         for each, column in zip(self.rig.outputs, record.y.T, strict=True):
             middle, half = 0.5 * (each.high + each.low), 0.5 * (each.high - each.low)
             if np.isfinite(half) and not each.wrap and np.ptp(column) > 0.0:

@@ -117,7 +117,7 @@ class DaqNode(LoopNode):
         gate = self._gate(values)
         virtual = is_virtual(values)
         if wants_self_test(values):
-            run_self_test(rig, gate, values["rate_hz"], paced=not virtual)
+            run_self_test(rig, gate, self.description, values["rate_hz"], paced=not virtual)
             self.get_logger().info("self-test: every channel answers with the right sign")
         self._link.start(
             values["rate_hz"],

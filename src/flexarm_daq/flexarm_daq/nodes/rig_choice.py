@@ -65,7 +65,7 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
         When the parameters do not fit together, or the rig is none.
     """
     if wants_self_test(values):
-        check_possible(values["rate_hz"], values["max_command_v"])
+        check_possible(load_rig(values["rig"]), values["rate_hz"], values["max_command_v"])
     if driver_name(values) not in SIMULATORS and values["time"] == "virtual":
         raise SettingError(
             f"time = 'virtual', as --fast has it, needs a simulated rig, and rig = "

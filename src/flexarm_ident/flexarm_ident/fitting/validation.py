@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.channels import MAX_COMMAND_V
+from flexarm_core.channels import CHANNEL_NAMES, MAX_COMMAND_V
 from flexarm_core.clock import SAME_PERIOD
 from flexarm_core.errors import IdentificationError
 from flexarm_core.labels import axis_label
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
 
 _NUMBERED = re.compile(r"[uy]\[\d+\]")
-_LAW_OUTPUTS = ("position_v", "speed_v", "middle_strain_v")
+_LAW_OUTPUTS = tuple(CHANNEL_NAMES[each] for each in (0, 3, 2))
 _LAW_RESIDUAL = 1e-6
 # Share of the rows that a law must explain, and the reweightings that find it.
 _LAW_SHARE = 0.9

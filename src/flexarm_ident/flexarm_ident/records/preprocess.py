@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from flexarm_core.arrays import column_range
+from flexarm_core.channels import CHANNELS
 from flexarm_core.errors import DataError
 from flexarm_ident.records.data_warning import CONVERTED
 from flexarm_ident.records.iodata import as_records
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import BoolArray, FloatArray
     from flexarm_ident.records.iodata import IoData
 
-ZERO_MEAN_OUTPUTS = ("base_strain_v", "middle_strain_v")
+ZERO_MEAN_OUTPUTS = tuple(each.name for each in CHANNELS if each.quantity == "moment")
 BIASES = ("rest", "first", "mean", "none")
 _LONGEST_REST_S = 1.0
 # The mean of fewer samples is noise that would be added to the whole record.

@@ -7,9 +7,10 @@ import pytest
 
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
-from flexarm_daq.loop.limiter import LimiterSettings, arm_gate
+from flexarm_core.rig_description import described, load_rig
+from flexarm_daq.loop.limiter import LimiterSettings, arm_gate, rig_gate
 from flexarm_daq.loop.self_test import (
-    PULSE_V,
+    PULSE,
     RIGHT,
     SATURATED,
     SILENT,
@@ -18,7 +19,7 @@ from flexarm_daq.loop.self_test import (
     check_possible,
     complaint,
     judge,
-    profile_v,
+    profile,
     run_self_test,
 )
 from flexarm_daq.rigs.nidaq.board import NidaqRig
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
 
 NOISES_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
 RATE_HZ = 300.0
+THESIS = load_rig("thesis")
+(HUB,) = THESIS.joints
+PULSE_V = PULSE * THESIS.inputs[0].reach
 
 
 class Rewired:
@@ -81,7 +85,7 @@ def scaled(channel: int, factor: float, offset_v: float = 0.0) -> Wiring:
 
 
 def run(rig: Rig, rate_hz: float = RATE_HZ, limits: LimiterSettings | None = None) -> None:
-    run_self_test(rig, arm_gate(limits), rate_hz, paced=False)
+    run_self_test(rig, arm_gate(limits), THESIS, rate_hz, paced=False)
 
 
 @pytest.mark.parametrize("rate_hz", [200.0, 300.0, 500.0])
@@ -234,16 +238,16 @@ def test_board___direction_as_configured_passes___other_is_refused(
 
 def course() -> NDArray[np.float64]:
     """Return what four ideal channels do, from the definition."""
-    commands_v = profile_v(RATE_HZ)
+    commands_v = profile(RATE_HZ, PULSE_V)
     turned = np.cumsum(commands_v) / RATE_HZ
     return np.column_stack([turned, commands_v, -commands_v, commands_v])
 
 
 def test_judge___ideal_channels_in_noise___certainty_is_that_of_a_matched_filter() -> None:
-    commands_v, ideal = profile_v(RATE_HZ), course()
+    commands_v, ideal = profile(RATE_HZ, PULSE_V), course()
     random = np.random.default_rng(2)
     noise_v = np.array([0.01, 0.5, 0.5, 0.5])
-    answers = judge(commands_v, ideal + noise_v * random.standard_normal(ideal.shape))
+    answers = judge(commands_v, ideal + noise_v * random.standard_normal(ideal.shape), THESIS, HUB)
     assert [answer.verdict for answer in answers] == [RIGHT] * 4
     # The most that any test can see in white noise: energy of the signal over the noise.
     best = np.sqrt(np.sum(ideal**2, axis=0)) / noise_v
@@ -252,11 +256,11 @@ def test_judge___ideal_channels_in_noise___certainty_is_that_of_a_matched_filter
 
 
 def test_judge___noise_alone___is_silent() -> None:
-    commands_v = profile_v(RATE_HZ)
+    commands_v = profile(RATE_HZ, PULSE_V)
     random = np.random.default_rng(3)
     certainties = []
     for _ in range(500):
-        answers = judge(commands_v, 0.1 * random.standard_normal((len(commands_v), 4)))
+        answers = judge(commands_v, 0.1 * random.standard_normal((len(commands_v), 4)), THESIS, HUB)
         assert {answer.verdict for answer in answers} == {SILENT}
         certainties.append([answer.certainty for answer in answers])
     # In units of its own scatter, as promised; the noise is estimated from few samples.
@@ -268,21 +272,137 @@ def test_judge___each_verdict___is_of_its_own_channel() -> None:
     volts[:, 1] *= -1.0
     volts[:, 2] = 0.0
     volts[:, 3] = 9.99
-    answers = judge(profile_v(RATE_HZ), volts)
+    answers = judge(profile(RATE_HZ, PULSE_V), volts, THESIS, HUB)
     assert [answer.verdict for answer in answers] == [RIGHT, WRONG_SIGN, SILENT, SATURATED]
-    assert complaint(answers).count(";") == 2
-    assert not complaint(judge(profile_v(RATE_HZ), course()))
+    assert complaint(answers, THESIS, HUB).count(";") == 2
+    right = judge(profile(RATE_HZ, PULSE_V), course(), THESIS, HUB)
+    assert not complaint(right, THESIS, HUB)
 
 
 @pytest.mark.parametrize("commands_v", [[0.0, 0.0, 0.0], [0.0, 2.0, 2.0], []])
 def test_judge___nothing_to_compare___is_an_error(commands_v: list[float]) -> None:
     with pytest.raises(SettingError, match="two samples of rest"):
-        judge(np.array(commands_v), np.zeros((len(commands_v), 4)))
+        judge(np.array(commands_v), np.zeros((len(commands_v), 4)), THESIS, HUB)
 
 
 def test_check_possible___too_slow_or_too_tight___is_an_error() -> None:
-    check_possible(200.0, 2.0)
+    check_possible(THESIS, 200.0, 2.0)
     with pytest.raises(SettingError, match="rate_hz of 200 or more, got 150"):
-        check_possible(150.0, 10.0)
+        check_possible(THESIS, 150.0, 10.0)
     with pytest.raises(SettingError, match="max_command_v of 2 or more, got 1"):
-        check_possible(300.0, 1.0)
+        check_possible(THESIS, 300.0, 1.0)
+
+
+TWO_JOINTS = described(
+    """
+name: two
+rate_hz: 300
+inputs:
+  torque1: {quantity: torque, unit: N m, limits: 5}
+  torque2: {quantity: torque, unit: N m, limits: [1, 9], rest: 5}
+outputs:
+  hub1: {quantity: angle, unit: rad}
+  hub2: {quantity: angle, unit: rad}
+  rate1: {quantity: rate, unit: rad/s}
+  rate2: {quantity: rate, unit: rad/s, range: 3}
+  sum: {unit: rad/s}
+joints:
+  one: {input: torque1, angle: hub1, rate: rate1, travel: 1}
+  two: {input: torque2, angle: hub2, rate: rate2, travel: 1}
+driver: rig.py:Mine
+"""
+)
+
+
+class FreeJoints:
+    """Two joints without friction, each turned by a motor of its own; `wiring` is of the readings.
+
+    Their rates are the integrals of the commands from rest, and their angles those of the rates.
+    """
+
+    def __init__(
+        self, wiring: Wiring = lambda readings: readings, *, crossed: bool = False
+    ) -> None:
+        self._wiring = wiring
+        self._motors = [1, 0] if crossed else [0, 1]
+        self.written: list[tuple[float, ...]] = []
+
+    def open(self) -> None:
+        self._angles, self._rates = np.zeros(2), np.zeros(2)
+
+    def read(self) -> RigSample:
+        readings = np.array([*self._angles, *self._rates, self._rates.sum()])
+        return RigSample(len(self.written) / RATE_HZ, self._wiring(readings))
+
+    def write(self, commands: Sequence[float]) -> None:
+        self.written.append(tuple(commands))
+        torques = np.array(commands)[self._motors] - np.array([0.0, 5.0])[self._motors]
+        self._angles += self._rates / RATE_HZ
+        self._rates += torques / RATE_HZ
+
+    def safe_stop(self) -> None:
+        self.write([0.0, 5.0])
+
+    def close(self) -> None:
+        self.safe_stop()
+
+
+def run_two(rig: Rig) -> None:
+    run_self_test(rig, rig_gate(TWO_JOINTS), TWO_JOINTS, RATE_HZ, paced=False)
+
+
+def test_two_joints___pulsed_in_turn___are_right() -> None:
+    rig = FreeJoints()
+    run_two(rig)
+    written = np.array(rig.written) - [0.0, 5.0]
+    assert np.all((written == 0.0).any(axis=1))
+    np.testing.assert_allclose(np.abs(written).max(axis=0), [PULSE * 5.0, PULSE * 4.0])
+    np.testing.assert_allclose(written.sum(axis=0), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rig", "told"),
+    [
+        (
+            FreeJoints(lambda y: y * [1.0, -1.0, 1.0, -1.0, 1.0]),
+            (
+                "hub2 answers torque2 with the wrong sign: swap the wires, or set sign: -1 for "
+                "joint two"
+            ),
+        ),
+        (
+            FreeJoints(scaled(2, -1.0)),
+            "rate1 answers torque1 with the wrong sign: swap its wires",
+        ),
+        (
+            FreeJoints(scaled(1, 0.0, 0.3)),
+            "hub2 does not answer torque2: check sensor, wire and terminal",
+        ),
+        (
+            FreeJoints(scaled(3, 0.0, 3.0)),
+            "rate2 is at the end of the input range: check its supply and wires",
+        ),
+        (
+            FreeJoints(crossed=True),
+            (
+                "no channel answers torque1: check the drive's power, the emergency stop and the "
+                "wire of the command"
+            ),
+        ),
+    ],
+    ids=["reversed motor", "reversed rate", "dead angle", "rate at its end", "crossed motors"],
+)
+def test_two_joints___with_a_fault___are_refused_with_its_name(rig: FreeJoints, told: str) -> None:
+    with pytest.raises(SelfTestError) as raised:
+        run_two(rig)
+    assert str(raised.value) == f"self-test: {told}"
+    assert rig.written[-1] == (0.0, 5.0)
+
+
+def test_check_possible___arm_without_joints___says_so() -> None:
+    lamp = described(
+        "name: lamp\nrate_hz: 300\ndriver: rig.py:Mine\n"
+        "inputs: {heat: {unit: W, limits: 5}}\noutputs: {warmth: {unit: K}}\n"
+    )
+    with pytest.raises(SettingError, match="lamp has none: set self_test:=off"):
+        check_possible(lamp, 300.0, 10.0)

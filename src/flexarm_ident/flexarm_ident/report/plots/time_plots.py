@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.arrays import runs
-from flexarm_core.channels import CHANNELS
+from flexarm_core.channels import CHANNEL_NAMES, CHANNELS
 from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident.report.plots import marks
 from flexarm_ident.report.plots.axis import Axis, SecondUnit
@@ -213,11 +213,12 @@ def step_plot(
     reference_v, command_v : ndarray, (samples,)
         Set-point of the position, and command of the drive.
     """
-    position_v, base_v, middle_v, speed_v = volts.T
+    angle_v, base_v, middle_v, rate_v = volts.T
+    angle, _, _, rate = CHANNEL_NAMES
     rows: Sequence[tuple[str, str, dict[str, FloatArray]]] = (
-        ("position, V", "position_v", {"position": position_v, "set-point": reference_v}),
+        ("position, V", angle, {"position": angle_v, "set-point": reference_v}),
         ("strain, V", "", {"base strain": base_v, "middle strain": middle_v}),
-        ("speed, V", "speed_v", {"speed": speed_v}),
+        ("speed, V", rate, {"speed": rate_v}),
         ("command, V", "", {"command": command_v}),
     )
     panels = []
