@@ -26,6 +26,10 @@ _FIRST_YEAR, _CENTURY = 70, 100
 # Counters of 16 and 32 bits are what programs take their times from.
 _COUNTERS, _FEW_STEPS = (2.0**16, 2.0**32), 5.0
 
+_HALF_A_DAY_S = 43200.0
+# Stamps since 1970 are of the years 2001 to 2128.
+_EARLIEST_S, _LATEST_S = 1e9, 5e9
+
 
 def is_clock(text: str) -> bool:
     """Return whether a text is a date with a time, a date, or a time of the day."""
@@ -92,6 +96,43 @@ def counted_on(ticks: FloatArray) -> FloatArray:
         if len(turned) and turned.min() > 0.0 and turned.max() <= _FEW_STEPS * np.median(steps):
             return ticks + turn * np.concatenate([[0.0], np.cumsum(back)])
     return ticks
+
+
+def in_seconds(
+    values: FloatArray, cell: str, unit_s: float | None, *, has_nanoseconds: bool
+) -> tuple[FloatArray, float | None, bool]:
+    """Return rows whose time is in s, its unit or None, and whether it is a counter that turned.
+
+    Parameters
+    ----------
+    values : ndarray, (rows, columns)
+        Numbers, those of the time before the others.
+    cell : str
+        Time of the first row as it stands in the file.
+    unit_s : float or None
+        Unit that something tells; None: ticks since 1970 tell theirs.
+    has_nanoseconds : bool
+        The second column has the nanoseconds of the time.
+    """
+    is_turned = False
+    seconds, *rest = values.T
+    if has_nanoseconds:
+        seconds, rest = seconds + rest[0] * 1e-9, rest[1:]
+    if is_clock(cell) or has_nanoseconds:
+        unit_s = 1.0
+        days = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -_HALF_A_DAY_S)
+        # A time of the day begins anew at midnight.
+        seconds = seconds + (
+            2.0 * _HALF_A_DAY_S * days if seconds.max() < 2.0 * _HALF_A_DAY_S else 0.0
+        )
+    else:
+        ticks, seconds = seconds, counted_on(seconds)
+        is_turned = not np.array_equal(ticks, seconds, equal_nan=True)
+    if unit_s is None:
+        usual = float(np.nanmedian(np.abs(seconds)))
+        since_1970_s = [(unit, usual * unit) for unit in (1e-3, 1e-6, 1e-9)]
+        unit_s = next((unit for unit, s in since_1970_s if _EARLIEST_S <= s <= _LATEST_S), None)
+    return np.column_stack([seconds * (unit_s or 1.0), *rest]), unit_s, is_turned
 
 
 @lru_cache(maxsize=16)

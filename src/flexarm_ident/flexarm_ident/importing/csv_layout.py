@@ -12,7 +12,7 @@ import re
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
 from flexarm_core.bounds import require_plain_file
@@ -39,6 +39,8 @@ MISSING = frozenset(
 # A line of a table has some hundred characters.
 _LINE_CHARACTERS = 1 << 20
 _HEAD_LINES = 400
+# Bytes at the end of a file that have its last rows, and how many of these are compared.
+_TAIL, _LAST_ROWS = 1 << 14, 10
 _HEAD_CHARACTERS = 1 << 20
 _COMMENT = re.compile(r"\s*(#+|%+|//+)\s*")
 _NUMBER = re.compile(
@@ -73,6 +75,20 @@ _BINARY = (
     (b"<", "is HTML or XML and no table of text: open it and save the table as CSV"),
     (b"ARROW1", "is an Arrow or Feather file: write it as CSV, such as by pandas"),
 )  # fmt: skip
+# Lines of texts that are no tables, and what to do.
+_FORMS = (
+    (
+        re.compile(r"---|(- )?[A-Za-z_]\w*:( \S+)?|- \S+"),
+        "is the text of `ros2 topic echo`: record a bag, or print it by `ros2 topic echo --csv`",
+    ),
+    (
+        re.compile(r"\([0-9.]+\) \w+ [0-9A-Fa-f]+#.*"),
+        "is a log of CAN frames: decode it to CSV with its database, such as by `cantools`",
+    ),
+    (re.compile(r">[^:]+:[0-9.]+:.*"), "has one value a row, its name before it: export it as CSV"),
+)
+_NAMING = frozenset({"field", "signal", "variable", "channel", "topic", "tag", "metric"})
+_FEW_ROWS, _WIDE = 10, 50
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),
@@ -168,9 +184,12 @@ def read_layout(path: Path) -> Layout:
             if size > _HEAD_CHARACTERS:
                 break
     try:
-        return _layout(head, encoding)
+        layout = _layout(head, encoding)
     except csv.Error as error:
         raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
+    if remedy := _other_form(head, layout):
+        raise CsvImportError(f"{path}: {remedy}")
+    return layout
 
 
 def opened(path: Path, encoding: str) -> TextIO:
@@ -182,11 +201,46 @@ def opened(path: Path, encoding: str) -> TextIO:
 
 
 def lines_of(file: TextIO, path: Path) -> Iterator[str]:
-    """Return the lines of a text, none of which fills the memory."""
+    """Return the lines of a text, none of which fills the memory.
+
+    Zero bytes end it, as a computer that lost its power leaves them behind the last row.
+    """
     while line := file.readline(_LINE_CHARACTERS):
+        text, zero, _ = line.partition("\0")
+        if zero:
+            if text:
+                yield text
+            return
         if len(line) == _LINE_CHARACTERS:
             raise CsvImportError(f"{path}: a line has {_LINE_CHARACTERS} characters or more")
         yield line
+
+
+def is_cut(path: Path, layout: Layout) -> bool:
+    """Return whether the last row has no end of line, and fewer cells or digits than those before.
+
+    Programs that are stopped while they write leave such a row; its number may be a wrong one.
+    """
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _TAIL))
+        tail = file.read().rstrip(b"\0")
+    if layout.encoding.startswith("utf-16") or tail.endswith((b"\n", b"\r")):
+        return False
+    lines = tail.decode(layout.encoding, "replace").splitlines()[1:]
+    rows = [cells for _, cells in layout.rows(lines, 1)][-_LAST_ROWS:]
+    if len(rows) < _LAST_ROWS or not is_value(rows[-1][0]):
+        return False
+    widths = {len(row) for row in rows[:-1]}
+    digits = {_digits(row) for row in rows[:-1]}
+    last = rows[-1]
+    return widths == {layout.width} and (
+        len(last) < layout.width or (len(digits) == 1 and _digits(last) < min(digits))
+    )
+
+
+def _digits(row: Sequence[str]) -> int:
+    """Return the digits behind the decimal mark of a row's last number."""
+    return len(re.split("[.,]", row[-1].strip())[-1])
 
 
 def is_comment(cells: Sequence[str]) -> bool:
@@ -216,6 +270,7 @@ def _encoding(path: Path) -> str:
     for mark, encoding in _MARKS:
         if start.startswith(mark):
             return encoding
+    start = start.rstrip(b"\0") or start
     if 0 in start:
         # Each character of a plain text has a zero beside it.
         for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
@@ -276,6 +331,45 @@ def _layout(head: Sequence[str], encoding: str) -> Layout:
         width,
         is_named,
     )
+
+
+def _other_form(head: Sequence[str], layout: Layout) -> str:
+    """Return what to do with a text whose signals have no column each; empty for a table."""
+    lines = [line.strip() for line in head if line.strip()]
+    for form, remedy in _FORMS:
+        if 2 * sum(bool(form.fullmatch(line)) for line in lines) > len(lines):
+            return remedy
+    rows = [
+        cells
+        for line in head[layout.first_line - 1 :]
+        if len(cells := _split(line, layout.separator, layout.names)) == layout.width
+    ]
+    if 0 < len(rows) < _FEW_ROWS and all(_NAME.fullmatch(cells[0]) for cells in rows):
+        if layout.width > _WIDE:
+            return "its signals stand in rows: transpose it, so that each has a column"
+        return ""
+    naming = [
+        name
+        for name, cells in zip(layout.names, zip(*rows, strict=True), strict=False)
+        if _has_names(name, cells)
+    ]
+    is_pair = sum(map(is_value, layout.cells)) == 2  # noqa: PLR2004 - time and value
+    if naming and (is_pair or "_value" in layout.names):
+        return (
+            f"has one value a row, and column {naming[-1]} says of what: give each signal a "
+            "column, such as by pandas.DataFrame.pivot"
+        )
+    return ""
+
+
+def _has_names(column: str, cells: Sequence[str]) -> bool:
+    """Return whether a column has names of signals: others from row to row, or it is called so."""
+    words = set(cells)
+    if any(is_value(word) or not _NAME.fullmatch(word) for word in words) or words & MISSING:
+        return False
+    changes = sum(first != second for first, second in pairwise(cells))
+    is_called = column.strip("_").lower() in _NAMING
+    return is_called or (2 * changes > len(cells) > 2 * len(words))
 
 
 def _keyed(head: Sequence[str], encoding: str) -> Layout | None:

@@ -15,12 +15,13 @@ import numpy as np
 from flexarm_core.bounds import shown
 from flexarm_core.errors import reason
 from flexarm_core.labels import TIME_UNITS_S, counted
-from flexarm_ident.importing.csv_clock import clock_s, counted_on, is_clock
+from flexarm_ident.importing.csv_clock import clock_s, in_seconds, is_clock
 from flexarm_ident.importing.csv_layout import (
     MISSING,
     CsvImportError,
     Layout,
     is_comment,
+    is_cut,
     lines_of,
     opened,
     read_layout,
@@ -46,9 +47,6 @@ _THOUSANDS = {
     mark: re.compile(rf"([+-]?\d{{1,3}})((?:{other}\d{{3}})+)(\{mark}\d*)?")
     for mark, other in ((".", "[,' \u00a0\u202f]"), (",", "[.' \u00a0\u202f]"))
 }
-_HALF_A_DAY_S = 43200.0
-# Stamps since 1970 are of the years 2001 to 2128.
-_EARLIEST_S, _LATEST_S = 1e9, 5e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +98,7 @@ class _Rows:
     places: list[NDArray[np.int64]]
     words: list[int] = field(default_factory=list)
     short: list[int] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     # What is wrong with the first input or time that lacks.
     lacking: dict[str, str] = field(default_factory=dict)
 
@@ -122,13 +121,16 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
     """
     layout = layout or read_layout(path)
     columns = _columns(layout, mapping, path)
-    with _lines(path, layout) as lines:
+    ends_cut = is_cut(path, layout)
+    with _lines(path, layout, ends_cut=ends_cut) as lines:
         found = _plain_numbers(lines, layout, columns)
     if found is None:
         # From the start again: a cell may need another look.
-        with _lines(path, layout) as lines:
+        with _lines(path, layout, ends_cut=ends_cut) as lines:
             found = _numbers(lines, layout, columns, path)
-    values, lines_read, places = _whole_rows(found)
+    if ends_cut:
+        found.notes.append("the last line is cut off: left out")
+    values, lines_read, places = _without_zeros(found, *_whole_rows(found), mapping)
     if len(values) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
         raise CsvImportError(f"{path}: data rows: {len(values)}; at least 2 are needed")
     for column, cells in zip(columns, values.T, strict=True):
@@ -140,47 +142,44 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
         raise CsvImportError(next(iter(found.lacking.values())))
     unit_told = True
     if mapping.time is not None:
-        values, unit_s = _in_seconds(values, columns, mapping, layout)
+        time, following = columns[:2]
+        unit_s = TIME_UNITS_S[mapping.time_unit] if mapping.time_unit else layout.unit_s(time.name)
+        cell = layout.cells[time.place] if time.place < len(layout.cells) else ""
+        values, unit_s, is_turned = in_seconds(
+            values, cell, unit_s, has_nanoseconds=following.is_time
+        )
         unit_told = unit_s is not None
+        if is_turned:
+            found.notes.append(f"column {time.name} is a counter that begins anew: counted on")
     table = CsvTable(path, values, lines_read, places, _told(found), own_instants, unit_told)
     return table if own_instants else _cut(table, columns)
 
 
-def _in_seconds(
-    values: FloatArray, columns: Sequence[_Column], mapping: CsvMap, layout: Layout
-) -> tuple[FloatArray, float | None]:
-    """Return numbers whose first column is in s, and its unit; None where nothing tells it."""
-    seconds, *rest = values.T
-    if columns[1].is_time:
-        seconds, rest = seconds + rest[0] * 1e-9, rest[1:]
-    cell = layout.cells[columns[0].place] if columns[0].place < len(layout.cells) else ""
-    unit_s = (
-        TIME_UNITS_S[mapping.time_unit] if mapping.time_unit else layout.unit_s(columns[0].name)
-    )
-    if is_clock(cell) or columns[1].is_time:
-        unit_s = 1.0
-        days = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -_HALF_A_DAY_S)
-        # A time of the day begins anew at midnight.
-        seconds = seconds + (
-            2.0 * _HALF_A_DAY_S * days if seconds.max() < 2.0 * _HALF_A_DAY_S else 0.0
-        )
-    else:
-        seconds = counted_on(seconds)
-    if unit_s is None:
-        usual = float(np.nanmedian(np.abs(seconds)))
-        since_1970_s = [(unit, usual * unit) for unit in (1e-3, 1e-6, 1e-9)]
-        unit_s = next((unit for unit, s in since_1970_s if _EARLIEST_S <= s <= _LATEST_S), None)
-    return np.column_stack([seconds * (unit_s or 1.0), *rest]), unit_s
-
-
 @contextmanager
-def _lines(path: Path, layout: Layout) -> Iterator[Iterator[str]]:
-    """Give the lines of a table from its first row on."""
+def _lines(path: Path, layout: Layout, *, ends_cut: bool) -> Iterator[Iterator[str]]:
+    """Give the lines of a table from its first row on, without the last one where that is cut."""
     try:
         with opened(path, layout.encoding) as file:
-            yield islice(lines_of(file, path), layout.first_line - 1, None)
+            lines = islice(lines_of(file, path), layout.first_line - 1, None)
+            yield (line for line in lines if line.endswith(("\n", "\r"))) if ends_cut else lines
     except (OSError, csv.Error) as error:
         raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
+
+
+def _without_zeros(
+    found: _Rows,
+    values: FloatArray,
+    lines: NDArray[np.int64],
+    places: NDArray[np.int64],
+    mapping: CsvMap,
+) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows without those at the end whose time and signals are all 0, as never written."""
+    written = np.flatnonzero(values.any(axis=1))
+    if mapping.time is None or not len(written) or written[-1] == len(values) - 1:
+        return values, lines, places
+    used = slice(0, int(written[-1]) + 1)
+    found.notes.append(_left_out(lines[used.stop :], "they have zeros alone, the time too"))
+    return values[used], lines[used], places[used]
 
 
 def _whole_rows(found: _Rows) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
@@ -285,7 +284,7 @@ def _rows_of(
 
 def _told(found: _Rows) -> tuple[str, ...]:
     """Return the lines that are no rows."""
-    notes = []
+    notes = [*found.notes]
     if found.short:
         notes.append(
             f"{_lines_shown(found.short)} fewer cells than the others: left out as missing, as two "

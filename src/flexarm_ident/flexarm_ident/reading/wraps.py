@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_core.labels import counted
-from flexarm_ident.records.data_warning import CONVERTED
+from flexarm_ident.records.data_warning import CONVERTED, Grade
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -36,6 +36,9 @@ _SMALL, _LARGE = 0.25, 0.75
 _BEYOND, _LONGER = 1e-4, 1.2
 # Part of the steps that lost samples may have made ambiguous.
 _AMBIGUOUS = 0.01
+# Part of the power of an angle's accelerations that is left when its turns are counted, and of the
+# period that it fills.
+_SMOOTHER, _FILLED = 0.1, 0.98
 # Values of a switch or a square wave, which may well be a period apart.
 _FEW_LEVELS = 20
 # Fewer jumps have no even intervals, which differ by less than this part or two samples.
@@ -44,10 +47,11 @@ _EXPLAINED, _ANSWER = 0.8, 3
 
 
 class Wrap(NamedTuple):
-    """Period of an output, 0 without one, and the number of its jumps."""
+    """Period of an output, 0 without one, the number of its jumps, and a period in doubt."""
 
     period: float
     jumps: int = 0
+    doubt: float = 0.0
 
 
 def found_wraps(pieces: Iterable[Rows], told: float | None = None) -> list[Wrap]:
@@ -65,7 +69,7 @@ def found_wraps(pieces: Iterable[Rows], told: float | None = None) -> list[Wrap]
         with np.errstate(over="ignore"):
             here = [_wrap(u, values, told) for values in y.T]
         found = [
-            Wrap(max(a.period, b.period), a.jumps + b.jumps)
+            Wrap(max(a.period, b.period), a.jumps + b.jumps, max(a.doubt, b.doubt))
             for a, b in zip(found or [Wrap(0.0)] * len(here), here, strict=True)
         ]
     return found
@@ -100,6 +104,15 @@ def wrap_notices(names: Sequence[str], wraps: Sequence[Wrap]) -> Iterator[DataWa
                 {"period": wrap.period, "jumps": float(wrap.jumps)},
                 channel=name,
             )
+        elif wrap.doubt:
+            yield CONVERTED(
+                f"{name} fills {wrap.doubt:.6g} and steps by more than a quarter of it: an angle "
+                "that wraps there is too fast for its turns to be counted; sample faster, or say "
+                f"--wrap {wrap.doubt:.6g} if it never turns by half of that in a sample",
+                {"period": wrap.doubt},
+                grade=Grade.CAUTION,
+                channel=name,
+            )
 
 
 def _wrap(u: FloatArray, y: FloatArray, told: float | None) -> Wrap:
@@ -116,7 +129,9 @@ def _wrap(u: FloatArray, y: FloatArray, told: float | None) -> Wrap:
         return Wrap(0.0)
     at = np.flatnonzero(size > _LARGE * extent)
     ambiguous = np.count_nonzero((size > _SMALL * extent) & (size <= _LARGE * extent))
-    if not len(at) or ambiguous > _AMBIGUOUS * len(steps) or 2 * len(at) > len(steps):
+    if ambiguous > _AMBIGUOUS * len(steps):
+        return Wrap(0.0, doubt=_doubtful(y[known], extent))
+    if not len(at) or 2 * len(at) > len(steps):
         return Wrap(0.0)
     period = _period(steps, at, extent)
     is_clear = (
@@ -126,6 +141,15 @@ def _wrap(u: FloatArray, y: FloatArray, told: float | None) -> Wrap:
         and not _is_explained(u, known[at + 1])
     )
     return Wrap(period, len(at)) if is_clear else Wrap(0.0)
+
+
+def _doubtful(y: FloatArray, extent: float) -> float:
+    """Return the period that a fast angle fills and that makes it smoother; else 0."""
+    fitting = [each for each in PERIODS if _FILLED * each <= extent <= each * (1.0 + _BEYOND)]
+    if not fitting or len(np.unique(y)) <= _FEW_LEVELS:
+        return 0.0
+    raw, turned = (np.var(np.diff(x, 2)) for x in (y, np.unwrap(y, period=fitting[0])))
+    return fitting[0] if turned < _SMOOTHER * raw else 0.0
 
 
 def _period(steps: FloatArray, at: NDArray[np.intp], extent: float) -> float:

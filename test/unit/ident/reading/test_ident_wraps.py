@@ -162,3 +162,29 @@ def test_notice___names_output_period_and_remedy() -> None:
     jumps = int(np.count_nonzero(np.abs(np.diff(y[:, 0])) > 180.0))
     assert notice.text.startswith(f"angle_deg wraps at 360, {jumps} times: its turns are counted")
     assert notice.text.endswith("say --wrap 0")
+
+
+@pytest.mark.parametrize("period", [360.0, 2.0 * math.pi, 4096.0])
+def test_angle___that_turns_by_a_third_of_its_period_a_sample___is_in_doubt(period: float) -> None:
+    motion = 0.3 * period * (K + 60.0 * np.sin(0.01 * K))
+    y = wrapped(motion, period, 0.0)
+    (found,) = found_wraps([(np.zeros((ROWS, 1)), y[:, np.newaxis])])
+    assert (found.period, found.doubt) == (0.0, period)
+    (notice,) = wrap_notices(["angle"], [found])
+    assert notice.grade == "caution"
+    assert f"--wrap {period:.6g}" in notice.text
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", ["uniform", "normal", "fast sine"])
+def test_signal___of_a_fast_vibration_that_fills_a_period___is_in_no_doubt(
+    seed: int, kind: str
+) -> None:
+    rng = np.random.default_rng(seed)
+    y = {
+        "uniform": rng.uniform(0.0, 1.0, ROWS),
+        "normal": rng.normal(size=ROWS),
+        "fast sine": np.sin((1.1 + 0.6 * seed) * K) + 0.1 * rng.normal(size=ROWS),
+    }[kind]
+    y = 359.9 * (y - y.min()) / np.ptp(y)
+    assert found_wraps([(np.zeros((ROWS, 1)), y[:, np.newaxis])])[0].doubt == 0.0
