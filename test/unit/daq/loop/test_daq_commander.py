@@ -322,3 +322,15 @@ def test_commander_started_again_and_again___is_obeyed_a_command_later_each_time
         assert verdicts == [Verdict.FOREIGN] * refused + [Verdict.ACCEPTED] * (length - refused)
         # The first and the last number of each reign before it.
         assert refused <= 2 * starts
+
+
+@pytest.mark.parametrize("between", [(41, 90), (41, NEWEST + 1)], ids=["old", "ahead"])
+def test_refused_sender___whose_next_command_acts_on_no_sample___still_has_to_count_on(
+    between: tuple[int, int],
+) -> None:
+    commander = following(command(40, 100))
+    commander.release()
+    for each in ((40, 105), between):
+        commander.judge(command(*each), NEWEST)
+    assert commander.judge(command(60, 107), NEWEST) is Verdict.FOREIGN
+    assert commander.judge(command(61, 108), NEWEST) is Verdict.ACCEPTED

@@ -96,6 +96,26 @@ def test_place___hole_that_is_no_pause___keeps_its_length() -> None:
     assert grid.rows == 203_000
 
 
+@pytest.mark.parametrize("pauses", [[1001], [505, 505]], ids=["one is a pause", "two are many"])
+def test_place___ten_samples_and_more_rows_than_a_hundred_for_each___are_at_the_bound(
+    pauses: list[int],
+) -> None:
+    rows = np.concatenate([[0], np.cumsum([1] * (9 - len(pauses)) + pauses)])
+    stamps = stamps_ns(rows.astype(float), 300.0)
+    if len(pauses) == 1:
+        assert place(rows, stamps).pauses_s == pytest.approx((1001 / 300.0,), rel=1e-3)
+    else:
+        with pytest.raises(DataError, match="many long pauses"):
+            place(rows, stamps)
+
+
+def test_place___late_first_sample_of_a_clock_that_jitters___is_in_the_first_row() -> None:
+    late = np.random.default_rng(7).normal(0.0, 0.25, 2000).clip(-0.4, 0.4)
+    late[0] = 0.8
+    grid = place(np.arange(2000), stamps_ns(np.arange(2000) + late, 300.0))
+    assert not grid.missing[0]
+
+
 def test_place___many_pauses___are_refused() -> None:
     rows = np.cumsum(np.where(np.arange(3000) % 3 == 0, 400_000, 1))
     with pytest.raises(DataError, match=r"3000 samples in .* many long pauses; .* cut the record"):
