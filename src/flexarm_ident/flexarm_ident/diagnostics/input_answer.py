@@ -30,6 +30,7 @@ from flexarm_ident.diagnostics.innovations import (
 )
 from flexarm_ident.diagnostics.spectra import spectra
 from flexarm_ident.records.data_warning import Grade, Kind
+from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
 from flexarm_ident.subspace.feedback import SIGNIFICANCE, whitening
 
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.data_warning import DataWarning
-    from flexarm_ident.records.iodata import IoData
 
 _LAGS = 500
 _SAMPLES_PER_LAG = 8
@@ -180,9 +180,16 @@ def _unanswered(
         return
     chance = welch.chance(_ANSWER_CHANCE / len(welch.coherence))
     for i in silent:
-        if np.any(welch.coherence[:, i] > chance):
-            continue
         name = record.outputs[i]
+        if np.any(welch.coherence[:, i] > chance):
+            if welch.explained[i] > _TOLD_AT_ONCE and (answering := _answering(record, i)):
+                yield _NO_ANSWER(
+                    f"{name} responds to no input, but {', '.join(answering)} to {name}: exchange "
+                    "input and output where their names are the wrong way round",
+                    {"explained": float(welch.explained[i])},
+                    channel=name,
+                )
+            continue
         yield _NO_ANSWER(
             f"{name} has no response to any input in {len(record)} samples, only noise: check the "
             "sensor and its wiring, or leave it out",
@@ -190,6 +197,22 @@ def _unanswered(
             grade=Grade.DO_NOT_USE,
             channel=name,
         )
+
+
+def _answering(record: IoData, output: int) -> list[str]:
+    """Return the inputs that respond to an output."""
+    names = (record.outputs[output],), record.inputs
+    exchanged = IoData(
+        record.y[:, [output]], record.u, dt_s=record.dt_s, inputs=names[0], outputs=names[1]
+    )
+    found = innovations_of(exchanged)
+    if found is None:
+        return []
+    return [
+        name
+        for name, e in zip(record.inputs, found.outputs.T, strict=True)
+        if _is_correlated(e, found.inputs)
+    ]
 
 
 def _is_correlated(e: FloatArray, fresh: FloatArray) -> bool:
@@ -249,8 +272,8 @@ _NO_ANSWER = Kind(
     "No response to the input",
     "an output has no response to the input (no correlation, no coherence, p > 0.01 each): do not "
     "use it; the input of the same row predicts half of an output or more, and the past adds "
-    "nothing",
-    "check the sensor, or leave it out; fit with `feedthrough`",
+    "nothing; an input responds to an output that responds to none",
+    "check the sensor, or leave it out; fit with `feedthrough`; exchange input and output",
 )
 _DELAY = Kind(
     "delay",

@@ -8,6 +8,7 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData
+from flexarm_ident.diagnostics.channel_defects import duplicates
 from flexarm_ident.diagnostics.excitation import excited_band_hz, few_values
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.records.data_warning import DataWarning, Grade
@@ -263,13 +264,12 @@ def test_assess___notices_of_a_record___are_passed_on_with_its_name() -> None:
     assert found == {"lost_samples": replace(notice, record="run 4")}
 
 
-def test_assess___command_of_a_proportional_law___is_no_duplicate() -> None:
+def test_duplicates___command_of_a_proportional_law___is_none() -> None:
     data = response(square_wave(SAMPLES, 10))
     proportional = replace(data, u=0.5 - 2.0 * data.y[:, :1])
-    assert "duplicated_channel" in warnings(proportional)
-    assert "duplicated_channel" not in warnings(replace(proportional, closed_loop=True))
-    same = replace(proportional, u=proportional.y[:, :1].copy(), closed_loop=True)
-    assert "duplicated_channel" in warnings(same)
+    assert list(duplicates(proportional))
+    assert not list(duplicates(replace(proportional, closed_loop=True)))
+    assert list(duplicates(replace(data, u=data.y[:, :1].copy(), closed_loop=True)))
 
 
 def test_few_values___five_for_each_parameter___suffice() -> None:

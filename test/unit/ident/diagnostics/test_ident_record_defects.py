@@ -231,6 +231,15 @@ def test_outliers___blows_that_the_outputs_answer___are_none() -> None:
     assert not list(outliers(IoData(u, y, dt_s=DT_S, outputs=("y",))))
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_input_and_output___of_exchanged_names___are_told(seed: int) -> None:
+    data = answer(DRIVES["white"](np.random.default_rng(seed)), seed)
+    exchanged = IoData(data.y[:, 3:], data.u, dt_s=DT_S, inputs=("y",), outputs=("u",))
+    (found,) = (each for each in answer_defects(exchanged) if "exchange" in each.text)
+    assert (found.code, found.channel) == ("no_answer", "u")
+    assert not any("exchange" in each.text for each in answer_defects(data))
+
+
 @pytest.mark.parametrize("jitter", [0.0, 0.2])
 def test_counter___as_an_input___is_told(jitter: float) -> None:
     data = answer(DRIVES["white"](np.random.default_rng(24)), 24)
