@@ -11,6 +11,7 @@ import numpy as np
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_ident.records.iodata import ARM_OUTPUTS, IoData
+from reproduction.chapter2.easier_rigs import FREE_SEEDS, other_errors
 from reproduction.chapter2.order_survey import (
     SET_POINT_COMPENSATION_V,
     SET_POINT_GAINS,
@@ -43,6 +44,7 @@ from reproduction.framework.findings import (
 )
 from reproduction.framework.model_plots import match_plot, singular_value_plot
 from reproduction.framework.verdicts import (
+    BAND,
     Beside,
     Judgement,
     elsewhere,
@@ -52,7 +54,7 @@ from reproduction.framework.verdicts import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -211,7 +213,10 @@ def _with_mean(errors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def match_judgement(
-    printed: Sequence[float], at_order: NDArray[np.float64], chosen: NDArray[np.float64]
+    printed: Sequence[float],
+    at_order: NDArray[np.float64],
+    chosen: NDArray[np.float64],
+    others: Sequence[Mapping[str, NDArray[np.float64]]] = (),
 ) -> Judgement:
     """Judge a validation by errors, (seeds, 4), at the printed order; `chosen` is our best."""
     ours, best = (np.median(each, axis=0) for each in (at_order, chosen))
@@ -219,8 +224,32 @@ def match_judgement(
         figures=(Beside("errors of the outputs", tuple(printed), tuple(ours.tolist())),),
         evidence=f"The mean error is {np.mean(printed):.3f} in the thesis, ours {ours.mean():.3f} "
         f"with the thesis's order and {best.mean():.3f} with the order that is best in our record.",
-        reason=f"The position's is {printed[0]:.3f}, {ours[0]:.3f} and {best[0]:.3f}.",
+        reason=_off_reason(printed, ours, others),
     )
+
+
+def _off_reason(
+    printed: Sequence[float],
+    ours: NDArray[np.float64],
+    others: Sequence[Mapping[str, NDArray[np.float64]]],
+) -> str:
+    """Tell the outputs outside of the band, and what becomes of each on other rigs, per seed."""
+    told = []
+    for k, (theirs, here) in enumerate(zip(printed, ours.tolist(), strict=True)):
+        if _is_near(here, theirs):
+            continue
+        words = f"{SENSORS[k].capitalize()} {here:.3f}, {theirs:.3f} in the thesis"
+        if others:
+            there = {rig: float(np.median([each[rig][k] for each in others])) for rig in others[0]}
+            listed = ", ".join(f"{error:.3f} {rig}" for rig, error in there.items())
+            near = [rig for rig, error in there.items() if _is_near(error, theirs)]
+            words += f"; {listed}; in the band {' and '.join(near) or 'on none of these rigs'}"
+        told.append(words)
+    return f"Outside of the band: {'. '.join(told)}."
+
+
+def _is_near(error: float, printed: float) -> bool:
+    return bool(abs(np.log(error / printed)) <= np.log(BAND))
 
 
 def loop_judgement(
@@ -257,7 +286,12 @@ def _dmv(results: Results, record: str) -> Finding:
     printed = thesis_table(TABLE_OF[record[0]])[record]["delta"]
     shown = results[Call(validated_model, (record,))]
     return Finding(
-        match_judgement(printed, found.printed_dmv, found.chosen_dmv),
+        match_judgement(
+            printed,
+            found.printed_dmv,
+            found.chosen_dmv,
+            [results[call] for call in _other_calls(record)],
+        ),
         (_errors_table(printed, found.printed_dmv, found.chosen_dmv, "thesis"),),
         _plots(shown, "dmv", CODES[record]),
         (
@@ -306,14 +340,20 @@ def _sfv(results: Results, record: str) -> Finding:
     )
 
 
+def _other_calls(record: str) -> tuple[Call, ...]:
+    return tuple(Call(other_errors, (record, seed)) for seed in FREE_SEEDS)
+
+
 def _subject(number: int, record: str, validation: Validation) -> Subject:
     build = _dmv if validation == "dmv" else _sfv
     what = "Data matching" if validation == "dmv" else "Set-point following"
-    late = (Call(late_record, (record,)),) if (validation, record[0]) == ("sfv", "B") else ()
+    more = _other_calls(record) if validation == "dmv" else ()
+    if (validation, record[0]) == ("sfv", "B"):
+        more = (Call(late_record, (record,)),)
     return Subject(
         f"figure-2-{number}",
         f"{what} of {CODES[record]}",
-        (*survey_calls(record), Call(validated_model, (record,)), *late),
+        (*survey_calls(record), Call(validated_model, (record,)), *more),
         partial(build, record=record),
     )
 

@@ -188,8 +188,14 @@ def _figure(setpoint_v: float, effort: bool, results: Results) -> Finding:  # no
             *(_spread_of(some, "reversals", form=".0f") for some in trials.values()),
         ),
     )
-    judge = effort_judgement if effort else step_judgement
-    judgement = judge(setpoint_v, trials[PRINTED], trials[OURS])
+    printed, ours = trials[PRINTED], trials[OURS]
+    judgement = (
+        effort_judgement(setpoint_v, printed, ours)
+        if effort
+        else step_judgement(
+            setpoint_v, printed, ours, _gains_reason(thesis_table("section_4_4")["kp"])
+        )
+    )
     if setpoint_v != SETPOINTS_V[0] and not effort:
         listed = "; ".join(f"{arm} ({law})" for arm, law in hunting_variants(results)) or "none"
         judgement = replace(
@@ -229,17 +235,25 @@ def _gain_table() -> SideBySide:
     )
 
 
+def _gains_reason(printed: float) -> str:
+    made, ours = (ilqr_design(name).kp for name in (PRINTED, OURS))
+    return prose("ilqr-gains.reason", made=made, ours=ours, printed=printed)
+
+
 def step_judgement(
-    setpoint_v: float, printed: Sequence[IlqrTrial], ours: Sequence[IlqrTrial]
+    setpoint_v: float,
+    printed: Sequence[IlqrTrial],
+    ours: Sequence[IlqrTrial],
+    gains: str = "",
 ) -> Judgement:
     """Judge a step with the thesis's weights and K_I: 3 V is held, with 5 V the arm hunts."""
     return judged(
         statements=_statements(setpoint_v, printed),
-        evidence="With the thesis's weights and K_I. With ours: "
+        evidence="Judged with the thesis's weights and K_I. With ours: "
         + "; ".join(each.text for each in _statements(setpoint_v, ours))
         + ".",
         reason=f"The swing at the end is {_median(printed, 'last_swing_v'):.3f} V with the "
-        f"thesis's weights, {_median(ours, 'last_swing_v'):.3f} V with ours, medians.",
+        f"thesis's weights, {_median(ours, 'last_swing_v'):.3f} V with ours, medians. {gains}",
     )
 
 

@@ -245,9 +245,10 @@ def judged(
         held = sum(each.holds for each in statements)
         listed = "; ".join(each.text for each in statements)
         parts.append(f"Conclusions, {held} of {len(statements)}: {listed}.")
+    parts.append(evidence)
     if verdict in (Verdict.DIFFERS, Verdict.PARTLY):
         parts.append(reason)
-    words = " ".join(part.strip() for part in (*parts[:2], evidence, *parts[2:]) if part.strip())
+    words = " ".join(part.strip() for part in parts if part.strip())
     return Judgement(verdict, words, tuple(figures), tuple(statements))
 
 

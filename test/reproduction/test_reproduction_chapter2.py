@@ -65,6 +65,7 @@ def made_up_result(call: Call) -> Any:  # noqa: ANN401 - what the call returns
             order: np.ones((len(SEEDS), points, 4), np.float32) for order in (18, 27)
         },
         easier_rigs.least_error: lambda *_: 0.01,
+        easier_rigs.other_errors: lambda *_: {"another": np.full(4, 0.1)},
         sampling_rates.even_error: lambda *_: 0.02,
         imperfections.step_errors: lambda *_: dict.fromkeys(
             (imperfections.ALL_STEPS, *imperfections.STEPS), 0.1
@@ -241,6 +242,14 @@ def test_validation_figures___are_judged_by_each_output() -> None:
     judge = validation.match_judgement
     assert judge(printed, near, far).verdict is AGREES
     assert judge(printed, far, near).verdict is DIFFERS
+    others = [{"calm": np.array(printed), "loud": np.full(4, 0.9)}] * 3
+    assert "Position 0.900, 0.060 in the thesis; 0.060 calm, 0.900 loud; in the band calm" in (
+        judge(printed, far, near, others).because
+    )
+    assert (
+        "in the band on none of these rigs"
+        in judge(printed, far, near, [{"loud": np.full(4, 0.9)}]).because
+    )
     # The mean is the thesis's, the errors of the outputs are not.
     assert judge(printed, np.full((3, 4), 0.215), near).verdict is DIFFERS
 
@@ -316,10 +325,14 @@ def test_claim_2_4___runaway_loops_are_worse() -> None:
     bad = {"open loop": LOW, "closed loop": HIGH}
     away = {"open loop": [np.inf] * len(SEEDS), "closed loop": LOW}
     matching = {"open loop": HIGH, "open loop, square wave": LOW, "closed loop": HIGH}
-    assert judge(good, away, matching).verdict is AGREES
-    assert judge(bad, good, matching).verdict is DIFFERS
-    assert len(judge(bad, good, matching).held) == 2
-    assert judge(good, bad, matching).verdict is DIFFERS
+    free = {"open loop, square wave": 0.2, "closed loop": 0.3}
+    assert judge(good, away, matching, free).verdict is AGREES
+    assert judge(bad, good, matching, free).verdict is DIFFERS
+    assert len(judge(bad, good, matching, free).held) == 2
+    assert judge(good, bad, matching, free).verdict is DIFFERS
+    assert "friction of our arm makes it so" in judge(good, bad, matching, free).because
+    turned = {"open loop, square wave": 0.3, "closed loop": 0.2}
+    assert "does not make it so" in judge(good, bad, matching, turned).because
 
 
 def test_claim_2_5___each_imperfection_has_to_cost() -> None:

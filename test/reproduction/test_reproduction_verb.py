@@ -99,7 +99,7 @@ def test_reproduce___finding___is_shown_with_both_figures_and_the_verdict() -> N
         "A root [of nine]",
         "Roots",
         "[4]",
-        "Because. ours is [3].",
+        "ours is [3]. Because.",
         "differs 1",
     ):
         assert words in text
