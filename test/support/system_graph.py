@@ -292,6 +292,10 @@ class Graph:
         """Return the lifecycle state of a managed node."""
         return str(self.operator.state(name).label)
 
+    def await_state(self, name: str, label: str, patience_s: float = PATIENCE_S) -> None:
+        """Wait until a managed node is in a lifecycle state; it is asked now and then."""
+        eventually(lambda: self.state_of(name) == label, f"{name} {label}", patience_s)
+
     def refusal(self, name: str, values: Mapping[str, Any]) -> str:
         """Set parameters together; return the reason of the refusal, empty when they are set."""
         request = SetParametersAtomically.Request(

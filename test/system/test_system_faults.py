@@ -229,7 +229,7 @@ def test_node_that_raises_anywhere___says_so_in_one_line_and_shows_it_in_its_sta
     fail("loop")
     assert graph.transition("failing", "activate")
     eventually(lambda: len(complaints()) == 3, "the last complaint")
-    graph.wait(lambda: graph.state_of("failing") == "inactive", "the end of the loop")
+    graph.await_state("failing", "inactive")
     place = r" \(failing_node\.py:\d+\)"
     for complaint, where in zip(complaints(), ("configure", "activate", "loop"), strict=True):
         assert re.fullmatch(rf".*: KeyError: '{where}'{place}", complaint)

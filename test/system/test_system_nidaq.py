@@ -128,7 +128,7 @@ def test_board_pulled_out___node_stops_sampling_and_says_the_drive_may_be_driven
     assert graph.transition("daq", "activate"), daq.printed
     graph.wait(lambda: len(states) >= 100, "samples of the board")
     (tmp_path / "removed").touch()
-    graph.wait(lambda: graph.state_of("daq") == "inactive", "the end of the sampling")
+    graph.await_state("daq", "inactive")
     daq.wait_for("press the emergency stop")
     assert "-201003" in daq.printed
 

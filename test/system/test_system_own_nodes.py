@@ -141,7 +141,7 @@ def test_own_commander___drives_the_arm_by_accepted_commands_and_gives_its_place
 
 def test_own_commander___interrupted___gives_its_place_back(loop: Loop) -> None:
     process = example(loop.graph, "own_commander")
-    loop.graph.wait(lambda: loop.graph.state_of("controller") == "inactive", "the free place")
+    loop.graph.await_state("controller", "inactive")
     loop.graph.wait(lambda: loop.newest.position_v > 0.5, "a move by the example")
 
     process.send(signal.SIGINT)

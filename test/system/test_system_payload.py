@@ -30,7 +30,7 @@ def test_scheduled_controller___publishes_the_payload_that_it_detects(graph: Gra
     assert graph.transition("daq", "activate")
 
     graph.wait(lambda: any(each.detected for each in heard), "a detected payload")
-    graph.wait(lambda: graph.state_of("daq") == "inactive", "the end of the samples")
+    graph.await_state("daq", "inactive")
     # On a busy machine the first ones, without a detection, are gone before this reader is known.
     assert heard[-1].payload_kg == pytest.approx(0.3, abs=0.06)
     assert heard[-1].deviation_kg < 0.08

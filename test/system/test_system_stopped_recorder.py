@@ -45,7 +45,7 @@ def test_record___recorder_stopped_for_seconds___has_every_sample_and_command(
     interruptions.start()
     try:
         assert graph.transition("daq", "activate")
-        graph.wait(lambda: graph.state_of("daq") == "inactive", "the last sample", 240.0)
+        graph.await_state("daq", "inactive")
     finally:
         ended.set()
         interruptions.join()
