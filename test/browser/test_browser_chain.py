@@ -55,9 +55,7 @@ def test_csv_file___dropped_on_the_page___is_identified_by_its_named_signals(
     file = tmp_path / "my run.csv"
     content = b"t,motor,tip\n" + b"0.01,1.0,2.0\n" * 20_000
     file.write_bytes(content)
-    data = {"items": [], "files": [str(file)], "dragOperationsMask": 1}
-    for kind in ("dragEnter", "dragOver", "drop"):
-        browser.call("Input.dispatchDragEvent", type=kind, x=500, y=500, data=data)
+    drop(browser, file)
     browser.wait_for("document.querySelectorAll('#columns_rows select').length === 6")
     assert mock.dropped == {"my run.csv": content}
     browser.click("#identify")
@@ -81,6 +79,28 @@ def test_csv_file___dropped_on_the_page___is_identified_by_its_named_signals(
     assert (request["inputs"], request["outputs"]) == (["motor_v=motor"], ["tip"])
     assert request["times"] == ["t"]
     assert browser.console == []
+
+
+def test_folder___dropped_on_the_page___is_sent_with_every_file_in_it(
+    browser: Browser, mock: LiveMock, tmp_path: Path
+) -> None:
+    opened(browser, mock)
+    folder = tmp_path / "my bag"
+    folder.mkdir()
+    # A browser reads the names of a folder a hundred at a time.
+    wanted = {f"my bag/{number}.mcap": b"%d" % number for number in range(110)}
+    for name, content in wanted.items():
+        (tmp_path / name).write_bytes(content)
+    drop(browser, folder)
+    wait_until(lambda: mock.dropped == wanted)
+    assert browser.console == []
+
+
+def drop(browser: Browser, path: Path) -> None:
+    """Drag a file or folder onto the page."""
+    data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+    for kind in ("dragEnter", "dragOver", "drop"):
+        browser.call("Input.dispatchDragEvent", type=kind, x=500, y=500, data=data)
 
 
 def test_order___clicked_while_another_is_identified_or_written___takes_its_place(

@@ -28,7 +28,14 @@ export function wireDrop(link, taken) {
 async function filesOf(entry) {
   const file = (each) => new Promise((resolve, reject) => each.file(resolve, reject));
   if (entry.isFile) return [{ name: entry.name, file: await file(entry) }];
-  const inside = await new Promise((resolve, reject) => entry.createReader().readEntries(resolve, reject));
+  // A reader gives at most a hundred entries at a time, and none at the end.
+  const reader = entry.createReader();
+  const inside = [];
+  let more;
+  do {
+    more = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
+    inside.push(...more);
+  } while (more.length);
   const files = inside.filter((each) => each.isFile);
   return Promise.all(files.map(async (each) => ({ name: `${entry.name}/${each.name}`, file: await file(each) })));
 }
