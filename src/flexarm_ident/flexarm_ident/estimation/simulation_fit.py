@@ -9,14 +9,16 @@ judged by the likelihood.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.errors import IdentificationError
+from flexarm_core.errors import FlexarmError, IdentificationError
 from flexarm_ident.arm.fit import NO_BETTER, fit_arm
 from flexarm_ident.arm.notes import choice, levels_text, notes
+from flexarm_ident.estimation.candidates import fitted
 from flexarm_ident.fitting.refinement import refine_model
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error, relative_errors
@@ -30,10 +32,12 @@ from flexarm_ident.models.modes import is_defective, modal_form
 from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.signals import live_samples
+from flexarm_ident.subspace.choice import estimate
 from flexarm_ident.subspace.methods import METHODS
+from flexarm_ident.subspace.order import largest_order
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     import control
 
@@ -47,6 +51,9 @@ ARM = "arm"
 """Method of a model that is an arm with dry friction."""
 INTEGRATES = "the model integrates: an eigenvalue next to 1 was taken for exactly that"
 """Note on a model with an integrator."""
+# Orders of the starts of a fit with friction at the joints, and an estimator that friction
+# misleads least.
+_START_METHOD, _FEWEST_STATES, _MOST_STATES = "pbsid", 4, 18
 # Samples of all records together; more would take minutes for little more accuracy.
 _REFINED_SAMPLES = 20_000
 _LIKELY_SAMPLES = 100_000
@@ -72,10 +79,8 @@ def with_friction(
 ) -> Identification:
     """Look for dry friction and take an arm with friction where it simulates better.
 
-    Where outputs are not those of slow joints and faster elastic coordinates, or one measures a
-    speed, a linear model with friction at its joints is tried first (`fit_joints`), on one record
-    in which more than noise is missed. It stays when it simulates better what was left out of its
-    fit.
+    A linear model with friction at its joints is tried first (`fit_joints`), on one record in which
+    more than noise is missed. It stays when it simulates better what was left out of its fit.
 
     Else an arm is tried, and the test has three parts. The data have the channels of a flexible arm
     (`arm_layout`) and no recorded compensation. A Coulomb level exceeds its own scatter
@@ -101,12 +106,9 @@ def with_friction(
         With an estimate of the Coulomb levels where the data allow one; with the arm and its
         friction where that is better; with a note where friction was found but is not modelled.
     """
-    records = found.records
-    layout = None if is_compensated(records) else _layout(found)
-    if replaceable and (layout is None or layout.speeds):
-        jointed = _with_joints(found, progress)
-        if jointed is not None:
-            return jointed
+    if replaceable and (jointed := _with_joints(found, progress)) is not None:
+        return jointed
+    layout = None if is_compensated(found.records) else _layout(found)
     return _with_arm_or_note(found, layout, replaceable=replaceable, progress=progress)
 
 
@@ -191,7 +193,7 @@ def _with_joints(found: Identification, progress: Progress | None) -> Identifica
         return None
     levels = np.maximum(coulomb.levels, coulomb.deviations)
     fit = fit_joints(
-        *(found.model, found.x0[0], records[0], coulomb.drives, levels), progress=progress
+        *(found.model, _joint_starts(found), records[0], coulomb.drives, levels), progress=progress
     )
     start_error = _errors(_simulated(found.model, found.x0, records), records)
     if fit is None or not (fit.is_better and _better(fit.error, start_error)):
@@ -218,6 +220,23 @@ def _with_joints(found: Identification, progress: Progress | None) -> Identifica
         notes=(),
         choice=reason,
     )
+
+
+def _joint_starts(found: Identification) -> Iterator[tuple[control.StateSpace, FloatArray]]:
+    """Yield linear models of rising order, with their initial states, as far as the data allow."""
+    records, row = found.records, METHODS[_START_METHOD]
+    with suppress(FlexarmError):
+        selection = estimate(records, records, row.name, found.block_rows, feedthrough=False)
+        most = min(_MOST_STATES, largest_order(selection.space))
+        for order in range(_FEWEST_STATES, 1 + most, 2):
+            start = fitted(
+                *(selection, order, records),
+                stable=True,
+                feedthrough=False,
+                noise_weighted=row.noise_weighted,
+            )
+            if not is_defective(modal_form(start.model).vectors):
+                yield start.model, start.fit.x0[0]
 
 
 def _joint_levels(found: Identification) -> CoulombEstimate | None:

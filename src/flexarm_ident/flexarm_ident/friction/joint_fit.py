@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
-from flexarm_ident.fitting.levenberg_marquardt import Normal
+from flexarm_ident.fitting.levenberg_marquardt import Minimum, Normal, steps_told
 from flexarm_ident.fitting.modal_parameters import ModalParameters
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs
 from flexarm_ident.fitting.validation import relative_errors
@@ -35,21 +35,24 @@ from flexarm_ident.models.state_space import (
 from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     import control
 
     from flexarm_core.arrays import FloatArray, Progress
-    from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.records.iodata import IoData
 
 # Noise that the gain expects at an input, in units of its peak.
 _STEPS = (6e-3, 1.8e-3, 6e-4, 1.8e-4, 6e-5, 1.8e-5, 6e-6, 0.0)
-# Steps with so much noise see no more in a longer record.
+# Steps with so much noise see no more in a longer record. The first ones compare the starts.
 _SHORT, _SHORT_SAMPLES = 1e-4, 8000
-_ITERATIONS, _FIRST_ITERATIONS = 7, 40
+_COMPARED, _COMPARED_SAMPLES = 2, 4000
+_ITERATIONS, _FIRST_ITERATIONS = 7, 15
 _TOLERANCE = 2e-4
+# A higher order is for a cost that is lower by this factor; the search among orders ends after as
+# many that are not, and tries as many starts.
+_WORTH, _TRIED = 2.0, 2
 # Rows in which a guided prediction settles.
 _SETTLING = 50
 # Distance from 1 of the eigenvalues of a joint's rigid motion, at most.
@@ -176,6 +179,14 @@ class _GuidedError(ModalParameters):
         P = scipy.linalg.solve_discrete_are(A.T, C.T, noise, measured)
         self.gain = np.ascontiguousarray(P @ C.T @ np.linalg.inv(C @ P @ C.T + measured))
 
+    def guided_minimum(self, theta: FloatArray, part: float, iterations: int) -> Minimum:
+        """Return the minimum that is found with the gain of `guide`, of infinite cost for none."""
+        try:
+            self.guide(theta, part)
+        except (np.linalg.LinAlgError, ValueError):
+            return Minimum(theta, np.inf, np.eye(len(theta)))
+        return self.minimised(theta, iterations=iterations, tolerance=_TOLERANCE)
+
     def allowed(self, theta: FloatArray) -> FloatArray:
         """Return parameters within their bounds, the others unchanged."""
         found = super().allowed(theta)
@@ -242,8 +253,8 @@ class _GuidedError(ModalParameters):
 
 
 def fit_joints(
-    model: control.StateSpace,
-    x0: FloatArray,
+    linear: control.StateSpace,
+    starts: Iterable[tuple[control.StateSpace, FloatArray]],
     record: IoData,
     drives: Sequence[Drive],
     levels: FloatArray,
@@ -252,12 +263,16 @@ def fit_joints(
 ) -> JointFit | None:
     """Fit a linear model with dry friction to a record.
 
+    Orders are compared by what the first, most guided steps miss. The lowest of those that miss
+    nearly the least are freed of guidance, and the better free simulation counts.
+
     Parameters
     ----------
-    model : control.StateSpace
-        Linear start with a basis of eigenvectors. A feedthrough is left out of the fit.
-    x0 : ndarray, (states,)
-        Its initial state.
+    linear : control.StateSpace
+        Linear model that the result is compared with.
+    starts : iterable of (control.StateSpace, ndarray)
+        Linear models of rising order with a basis of eigenvectors, and their initial states,
+        (states,). A feedthrough is left out of the fit.
     record : IoData
         Record without holes.
     drives : sequence of Drive
@@ -270,44 +285,88 @@ def fit_joints(
     Returns
     -------
     JointFit or None
-        None where the search comes to no finite simulation, or the first prediction already does
-        without friction, with no level above three of its deviations.
+        None where the search comes to no finite simulation, or the best prediction does without
+        friction, with no level above three of its deviations.
     """
     leading = record.head(round(_LEADING * len(record)))
-    start, x0 = _own_start(model, x0, record)
-    problem = _GuidedError(start, leading, levels, drives)
-    problem.weight = 1.0 / _innovation(record)
-    theta = problem.start(x0, levels)
-    try:
-        for number, part in enumerate(_STEPS):
-            problem.record = leading.head(_SHORT_SAMPLES) if part > _SHORT else leading
-            if number:
-                theta = problem.integrate(theta)
-            problem.guide(theta, part)
-            found = problem.minimised(
-                theta,
-                iterations=_ITERATIONS if number else _FIRST_ITERATIONS,
-                tolerance=_TOLERANCE,
-            )
-            if not found.cost <= _LOST**2 * problem.record.y.size:
-                return None
-            theta = found.theta
-            if not number:
-                if not problem.has_friction(found):
-                    return None
-                problem.weight = 1.0 / problem.errors(theta)[_SETTLING:].std(axis=0)
-            if progress is not None:
-                progress("friction", (number + 1) / (len(_STEPS) + 1))
-        chosen, problem.record = theta, record
-        found = problem.minimised(theta, iterations=_ITERATIONS, tolerance=_TOLERANCE)
-    except (np.linalg.LinAlgError, ValueError):
+    weight = 1.0 / _innovation(record)
+    compared = [
+        found
+        for found in _compared(starts, leading, drives, levels, weight)
+        if found.problem.has_friction(found.minimum)
+    ]
+    told = steps_told(progress, "friction", _TRIED * len(_STEPS))
+    tried = [_freed(found, leading, told) for found in compared[:_TRIED]]
+    if not tried:
+        return None
+    best = min(tried, key=lambda found: found.cost)
+    problem, theta = best.problem, best.minimum.theta
+    problem.record = record
+    found = problem.minimised(theta, iterations=_ITERATIONS, tolerance=_TOLERANCE)
+    if not np.isfinite(found.cost):
         return None
     rest = slice(len(leading), None)
     y = record.y[rest]
     with np.errstate(over="ignore", invalid="ignore"):
-        simulated = y - problem.errors(chosen)[rest]
-    linear = simulate(model, record.u, fit_initial_states(model, [record])[0])[rest]
-    return _result(problem, found, relative_errors(y, simulated), relative_errors(y, linear))
+        simulated = y - problem.errors(theta)[rest]
+    compared_y = simulate(linear, record.u, fit_initial_states(linear, [record])[0])[rest]
+    return _result(
+        *(problem, found, theta),
+        *(relative_errors(y, simulated), relative_errors(y, compared_y)),
+    )
+
+
+class _Found(NamedTuple):
+    """Parameters of one start, and the cost that they are judged by."""
+
+    problem: _GuidedError
+    minimum: Minimum
+    cost: float
+
+
+def _compared(
+    starts: Iterable[tuple[control.StateSpace, FloatArray]],
+    leading: IoData,
+    drives: Sequence[Drive],
+    levels: FloatArray,
+    weight: FloatArray,
+) -> list[_Found]:
+    """Return starts after the first steps, those to try first at the beginning."""
+    found: list[_Found] = []
+    least, idle, short = np.inf, 0, leading.head(_COMPARED_SAMPLES)
+    for model, x0 in starts:
+        start, own = _own_start(model, x0, leading)
+        problem = _GuidedError(start, short, levels, drives)
+        problem.weight = weight
+        minimum = Minimum(problem.start(own, levels), np.inf, np.eye(0))
+        for part in _STEPS[:_COMPARED]:
+            minimum = problem.guided_minimum(minimum.theta, part, _FIRST_ITERATIONS)
+        if np.isfinite(minimum.cost):
+            found.append(_Found(problem, minimum, minimum.cost))
+        idle = 0 if minimum.cost < least / _WORTH else idle + 1
+        least = min(least, minimum.cost)
+        if idle >= _TRIED and least < _LOST**2 * short.y.size:
+            break
+    return sorted(found, key=lambda each: (max(each.cost, _WORTH * least), each.problem.n))
+
+
+def _freed(start: _Found, leading: IoData, told: Callable[[], None]) -> _Found:
+    """Return the parameters whose free simulation is the best on the way to no guidance."""
+    problem, best = start.problem, start._replace(cost=np.inf)
+    theta = start.minimum.theta
+    for part in _STEPS[_COMPARED - 1 :]:
+        problem.record = leading.head(_SHORT_SAMPLES) if part > _SHORT else leading
+        minimum = problem.guided_minimum(problem.integrate(theta), part, _ITERATIONS)
+        told()
+        theta, samples = minimum.theta, problem.record.y.size
+        problem.record = leading
+        problem.guide(theta, 0.0)
+        cost = problem.cost(theta)
+        if cost < best.cost:
+            best = _Found(problem, minimum, cost)
+        if not minimum.cost <= _LOST**2 * samples:
+            break
+    return best
 
 
 def _own_start(
@@ -352,8 +411,13 @@ def _innovation(record: IoData) -> FloatArray:
 
 
 def _result(
-    problem: _GuidedError, found: Minimum, left_out: FloatArray, linear: FloatArray
+    problem: _GuidedError,
+    found: Minimum,
+    leading: FloatArray,
+    left_out: FloatArray,
+    linear: FloatArray,
 ) -> JointFit:
+    """Return the fit, with deviations that hold what the leading part alone gives otherwise."""
     record, theta = problem.record, found.theta
     A, B, C, (x0,) = problem.split(theta)
     law, speed = problem.friction(theta)
@@ -362,7 +426,7 @@ def _result(
         inputs=record.inputs,
         outputs=record.outputs,
     )
-    own, _ = problem.friction(problem.deviations(found))
+    own, _ = problem.friction(np.hypot(problem.deviations(found), theta - leading))
     friction = DryFriction(
         law[0],
         law[3],

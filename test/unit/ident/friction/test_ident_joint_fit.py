@@ -133,7 +133,8 @@ def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -
 
     drives = joints([record])
     assert drives is not None
-    fit = fit_joints(start.model, start.x0[0], record, drives, np.array([0.8 * LEVEL]))
+    starts = [(start.model, start.x0[0])]
+    fit = fit_joints(start.model, starts, record, drives, np.array([0.8 * LEVEL]))
 
     assert [drive.output for drive in drives] == ["encoder"]
     assert fit is not None
@@ -149,7 +150,8 @@ def test_arm_without_friction___fit___ends_with_the_first_prediction() -> None:
     told: list[float] = []
 
     fit = fit_joints(
-        *(start.model, start.x0[0], record, (Drive("torque", "encoder"),), np.array([LEVEL])),
+        *(start.model, [(start.model, start.x0[0])], record, (Drive("torque", "encoder"),)),
+        np.array([LEVEL]),
         progress=lambda _stage, part: told.append(part),
     )
 
