@@ -129,16 +129,17 @@ def test_derivatives_of_guided_steps___every_parameter___are_those_of_difference
 @pytest.mark.slow
 def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -> None:
     record = _record(12_000)
-    start = identify(record, friction=False, method="pbsid", order=4)
+    found = [identify(record, friction=False, method="pbsid", order=order) for order in (2, 4, 6)]
 
     drives = joints([record])
     assert drives is not None
-    starts = [(start.model, start.x0[0])]
-    fit = fit_joints(start.model, starts, record, drives, np.array([0.8 * LEVEL]))
+    starts = [(each.model, each.x0[0]) for each in found]
+    fit = fit_joints(found[0].model, starts, record, drives, np.array([0.8 * LEVEL]))
 
     assert [drive.output for drive in drives] == ["encoder"]
     assert fit is not None
     assert fit.is_better
+    assert fit.model.nstates >= 4
     deviation = fit.friction.level_deviations[0]
     assert abs(fit.friction.levels[0] - LEVEL) < 2.0 * deviation < 0.1 * LEVEL
     assert np.all(fit.error < 3.0 * 0.0015)
