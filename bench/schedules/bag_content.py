@@ -77,19 +77,26 @@ def _require_closed(ledger: Ledger, content: Content) -> None:
 def _on_their_way(ledger: Ledger) -> list[Raw]:
     """Return what came after the end and was surely sent before it.
 
-    The clocks of two machines tell that up to the time of the quickest message.
+    The clocks of two machines tell that up to the time of the quickest message since one of them
+    was set.
     """
     found = []
     for topic in range(len(TOPICS)):
         of_topic = [each for each in enumerate(ledger.handed) if each[1][0].topic == topic]
-        before = [at_s - raw.sent_s for number, (raw, at_s) in of_topic if number < ledger.before]
-        quickest_s = min(before[-_RECENT:], default=0.0) + _CLOCK_S
-        found += [
-            raw
-            for number, (raw, _) in of_topic
-            if number >= ledger.before and raw.sent_s <= ledger.asked_s - quickest_s
-        ]
+        before = [each for number, each in of_topic if number < ledger.before][-_RECENT:]
+        for number, (raw, _) in of_topic:
+            if number < ledger.before:
+                continue
+            ahead_s = _ahead_s(raw)
+            ways_s = [at_s - each.sent_s for each, at_s in before if _ahead_s(each) == ahead_s]
+            if raw.sent_s <= ledger.asked_s - min(ways_s, default=0.0) - _CLOCK_S:
+                found.append(raw)
     return found
+
+
+def _ahead_s(message: Raw) -> int:
+    """Return by how many seconds the sender's clock was ahead."""
+    return round(message.source_ns * 1e-9 - message.sent_s)
 
 
 def _failed(ledger: Ledger, file: Path) -> None:

@@ -7,7 +7,7 @@ settings, and what keeps the drive safe. Nothing else knows channels and scales.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -23,23 +23,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 INPUT_QUANTITIES: Final = ("current", "torque", "force", "rate", "other")
-OUTPUT_QUANTITIES: Final = (
-    "angle",
-    "rate",
-    "moment",
-    "strain",
-    "acceleration",
-    "position",
-    "velocity",
-    "current",
-    "torque",
-    "force",
-    "other",
-)
+OUTPUT_QUANTITIES: Final = tuple(SI_UNITS)
 TRAVEL_ACTIONS: Final = ("inward", "hold")
 """At the end of the travel: only commands that lead back pass, or the drive is held at zero."""
 SIMULATIONS: Final = ("simulated", "twin", "mujoco")
-"""Drivers without a board."""
+"""Drivers without a board: their time may be virtual."""
 SHORT_NAMES: Final[Mapping[str, str]] = {"simulated": "thesis", "nidaq": "thesis-nidaq"}
 """Packaged descriptions that go by the name of their driver too."""
 _TAKEN = ("reference_", "compensation_")
@@ -246,6 +234,8 @@ class RigDescription:
         What keeps the drive safe.
     text : str
         The file's own text.
+    file : str
+        Its name, for messages.
     """
 
     name: str
@@ -258,6 +248,13 @@ class RigDescription:
     settings: Mapping[str, Any]
     safety: Safety
     text: str
+    file: str = field(default="rig.yaml", compare=False)
+
+    def place(self, entry: str) -> str:
+        """Return ``FILE:LINE`` of an entry at the left margin, the first line without it."""
+        lines = enumerate(self.text.splitlines(), 1)
+        line = next((number for number, line in lines if line.startswith(f"{entry}:")), 1)
+        return f"{self.file}:{line}"
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -380,6 +377,7 @@ def described(text: str, file: str = "rig.yaml") -> RigDescription:
         settings=top.section("settings").values(),
         safety=_safety(top.section("safety")),
         text=text,
+        file=file,
     )
     top.end()
     return rig
@@ -398,7 +396,11 @@ def _channel(
     quantity = row.word("quantity", quantities, "other")
     known = PER_SI.get(quantity, {})
     # A quantity without an SI unit has any.
-    unit = row.text("unit") if quantity == "other" else row.word("unit", (*known, *RAW_UNITS))
+    unit = (
+        row.text("unit")
+        if quantity == "other"
+        else row.word("unit", (*known, *RAW_UNITS), role=f"a unit of {quantity}")
+    )
     per_si = known.get(unit)
     if "per_si" in row:
         if per_si is not None or quantity == "other":
@@ -457,8 +459,9 @@ def _joints(
     for row in top.sections("joints"):
         name = row.name
         driven = row.word("input", [each.name for each in inputs])
-        measured = [row.word("angle", by_quantity["angle"])]
-        measured += [row.word("rate", by_quantity["rate"])] if "rate" in row else []
+        measured = [row.word("angle", by_quantity["angle"], role="an angle or position")]
+        if "rate" in row:
+            measured.append(row.word("rate", by_quantity["rate"], role="a rate or velocity"))
         for entry, signal in zip(("input", "angle", "rate"), (driven, *measured), strict=False):
             if signal in used:
                 row.refuse(

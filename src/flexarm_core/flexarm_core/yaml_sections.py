@@ -103,6 +103,12 @@ class Section:
         ends = value if isinstance(value, (list, tuple)) else None
         if ends is None:
             size = self._number(name, value)
+            if size <= 0.0:
+                self.refuse(
+                    f"{self._full(name)} = {size:g}: one number is the reach to both sides of "
+                    "zero, and positive: or write [LOW, HIGH]",
+                    name,
+                )
             ends = -size, size
         if len(ends) != 2:  # noqa: PLR2004 - two ends
             self.refuse(f"{self._full(name)} must be a list of two, [LOW, HIGH]", name)
@@ -128,9 +134,11 @@ class Section:
             self.refuse(f"{self._full(name)} = {shown(value)} must be a text", name)
         return value
 
-    def word(self, name: str, known: Collection[str], default: str | None = None) -> str:
-        """Return one of the known words."""
-        return self.known(name, self.text(name, default), known)
+    def word(
+        self, name: str, known: Collection[str], default: str | None = None, *, role: str = ""
+    ) -> str:
+        """Return one of the words that are known, in a role where another one may have others."""
+        return self.known(name, self.text(name, default), known, role)
 
     def words(
         self, name: str, known: Collection[str], default: Collection[str] | None = None
@@ -141,11 +149,13 @@ class Section:
             self.refuse(f"{self._full(name)} must be a list of names, each once", name)
         return tuple(self.known(name, each, known) for each in value)
 
-    def known(self, name: str, value: object, known: Collection[str]) -> str:
+    def known(self, name: str, value: object, known: Collection[str], role: str = "") -> str:
         """Return a word of the entry if it is known."""
         if value not in known:
+            as_what = f" as {role}" if role else ""
             self.refuse(
-                f"{self._full(name)} = {shown(value)} is not known{nearest(str(value), known)}",
+                f"{self._full(name)} = {shown(value)} is not known{as_what}"
+                f"{nearest(str(value), known)}",
                 name,
             )
         return str(value)
@@ -188,7 +198,8 @@ class Section:
         if name in self:
             return self._content[name]
         if default is None:
-            self.refuse(f"{self._full(name)} is missing", name)
+            others = [str(each) for each in self._content if each not in self._taken]
+            self.refuse(f"{self._full(name)} is missing{nearest(name, others)}", name)
         return default
 
     def _number(self, name: str, value: object) -> float:
@@ -219,5 +230,5 @@ def sections_of(text: str, file: str) -> Section:
         raise RigFileError(f"{file}: {error}") from None
     node = yaml.compose(text, yaml.SafeLoader)
     if node is None:
-        raise RigFileError(f"{file}: is empty: `flexarm rig new NAME` writes a template")
+        raise RigFileError(f"{file}:1: is empty: `flexarm rig new NAME` writes a template")
     return Section(file, node, content)

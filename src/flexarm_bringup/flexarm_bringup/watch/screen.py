@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_bringup.watch.history import Band
+from flexarm_core.labels import label_and_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -85,7 +86,7 @@ class Units:
 
 
 def _title(name: str) -> str:
-    return name.removesuffix("_v").replace("_strain", "").replace("_", " ")[:_TITLE_WIDTH]
+    return label_and_unit(name)[0].replace(" strain", "")[:_TITLE_WIDTH]
 
 
 def number(value: float | None, form: str) -> str:

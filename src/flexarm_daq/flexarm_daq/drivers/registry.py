@@ -96,8 +96,16 @@ def driven(rig: RigDescription, folder: Path) -> Rig:
     Raises
     ------
     SettingError
-        If there is no such driver, it does not take the settings, or it lacks a method.
+        If there is no such driver, it does not take the settings, or it lacks a method; with file
+        and line of the description.
     """
+    try:
+        return _driven(rig, folder)
+    except SettingError as error:
+        raise SettingError(f"{rig.place('driver')}: {error}") from error
+
+
+def _driven(rig: RigDescription, folder: Path) -> Rig:
     if rig.driver in DRIVERS:
         return DRIVERS[rig.driver](rig, folder)
     driver = _own(rig.driver, folder) if ":" in rig.driver else _installed(rig.driver)

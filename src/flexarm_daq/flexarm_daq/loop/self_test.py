@@ -189,7 +189,8 @@ def complaint(answers: tuple[Answer, ...], rig: RigDescription, joint: Joint) ->
         )
     command = "the current" if of_thesis else joint.input
     advice = {
-        WRONG_SIGN: f"answers {command} with the wrong sign: swap its wires",
+        WRONG_SIGN: f"answers {command} with the wrong sign: swap its wires"
+        + ("" if of_thesis else ", or make its scale negative"),
         SILENT: f"does not answer {command}: check sensor, wire and terminal",
         SATURATED: "is at the end of the input range: check its supply and wires",
     }

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _NS = 1_000_000_000
 # A recorder that is behind has no quick message meanwhile: those of the seconds before tell.
 _RECENT_S = 30
-# What seems longer on the way than this comes from a clock that was set back.
+# What seems longer on the way than this comes from a clock that was set.
 _LONGEST_WAY_NS = 5 * _NS
 
 
@@ -109,12 +109,15 @@ class SendTimes:
             self._quickest.popleft()
         self._difference_ns = max(each.difference_ns for each in self._quickest)
 
-    def was_sent_before(self, sent_ns: int, now_ns: int) -> bool:
+    def was_sent_before(self, sent_ns: int, now_ns: int, received_ns: int) -> bool:
         """Return whether a message was sent before an instant of the steady clock.
 
-        The first message of a sender counts as sent before.
+        The first message of a sender counts as sent before, and so does one from the future: its
+        clock was set forward meanwhile, and what cannot be told is kept.
         """
         if not self._quickest:
+            return True
+        if sent_ns - received_ns > self._difference_ns + _LONGEST_WAY_NS:
             return True
         return sent_ns <= now_ns + self._difference_ns
 
@@ -205,7 +208,8 @@ class Recording:
         due = []
         for message in messages:
             topic = message.topic
-            if not self._sent[topic].was_sent_before(message.source_ns, self._ended_ns):
+            sent = self._sent[topic]
+            if not sent.was_sent_before(message.source_ns, self._ended_ns, received_ns):
                 self._awaited.pop(topic, None)
                 self._later.append(message)
                 continue

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
-from flexarm_core.rig_description import load_rig
+from flexarm_core.rig_description import SIMULATIONS, load_rig
 from flexarm_daq.drivers.registry import driven, require_methods
 from flexarm_daq.drivers.scaled_rig import ScaledRig
 from flexarm_daq.loop.self_test import check_possible
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from flexarm_core.rig_description import RigDescription
     from flexarm_daq.rigs.rig_protocol import Rig
 
-SIMULATORS = ("simulated", "mujoco", "twin")
-"""Drivers whose time may be virtual."""
 NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
 
 
@@ -52,7 +50,7 @@ def is_virtual(values: Mapping[str, Any]) -> bool:
     """Return whether the parameters `time` and `rig` mean sampling in virtual time."""
     return bool(
         values["time"] == "virtual"
-        or (values["time"] == "auto" and driver_name(values) in SIMULATORS)
+        or (values["time"] == "auto" and driver_name(values) in SIMULATIONS)
     )
 
 
@@ -66,7 +64,7 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
     """
     if wants_self_test(values):
         check_possible(load_rig(values["rig"]), values["rate_hz"], values["max_command_v"])
-    if driver_name(values) not in SIMULATORS and values["time"] == "virtual":
+    if driver_name(values) not in SIMULATIONS and values["time"] == "virtual":
         raise SettingError(
             f"time = 'virtual', as --fast has it, needs a simulated rig, and rig = "
             f"'{values['rig']}' has real time: leave it out"
@@ -94,7 +92,7 @@ def chosen_rig(values: Mapping[str, Any]) -> Rig:
             f"rate_hz = {values['rate_hz']:g} of the node and {description.rate_hz:g} of "
             f"{values['rig']}: give the node rate_hz:={description.rate_hz}"
         )
-    if description.driver in SIMULATORS and values["seed"]:
+    if description.driver in SIMULATIONS and values["seed"]:
         settings = {**description.settings, "seed": values["seed"]}
         description = replace(description, settings=settings)
     driver = driven(description, Path(values["rig"]).parent)
@@ -146,4 +144,4 @@ def wants_self_test(values: Mapping[str, Any]) -> bool:
     """Return whether the rig is to be pulsed before it is armed."""
     if values["self_test"] != "auto":
         return bool(values["self_test"] == "on")
-    return is_thesis_arm(load_rig(values["rig"])) and driver_name(values) not in SIMULATORS
+    return is_thesis_arm(load_rig(values["rig"])) and driver_name(values) not in SIMULATIONS

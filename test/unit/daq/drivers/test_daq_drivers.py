@@ -95,7 +95,8 @@ def test_driver___of_an_installed_package___is_found_by_its_entry_point(
 
     monkeypatch.setattr(registry, "entry_points", installed)
     assert isinstance(driven(rig("other", "{seed: 3}"), folder), SimulatedRig)
-    with pytest.raises(SettingError, match=r"^driver lost of flexarm_daq\.rigs\.simulated:X: Attr"):
+    lost = r"^rig\.yaml:7: driver lost of flexarm_daq\.rigs\.simulated:X: AttributeError"
+    with pytest.raises(SettingError, match=lost):
         driven(rig("lost"), folder)
 
 

@@ -372,7 +372,7 @@ def test_two_joints___pulsed_in_turn___are_right() -> None:
         ),
         (
             FreeJoints(scaled(2, -1.0)),
-            "rate1 answers torque1 with the wrong sign: swap its wires",
+            "rate1 answers torque1 with the wrong sign: swap its wires, or make its scale negative",
         ),
         (
             FreeJoints(scaled(1, 0.0, 0.3)),
