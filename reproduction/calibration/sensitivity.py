@@ -1,7 +1,7 @@
 """Choices that the thesis leaves open: what each of them does to the figures of every chapter.
 
 A choice is taken by what the thesis's text says. Where it says nothing, that value is taken with
-which the calibration found the figures of all chapters nearest, before any verdict was counted.
+which the calibration found the figures of all chapters nearest, with the settings that it had.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from reproduction.framework.findings import (
     subject,
     thesis_table,
 )
+from reproduction.framework.rig import RATE_HZ
 from reproduction.framework.study_rig import CHOICES
 from reproduction.framework.verdicts import BAND, Judgement, Verdict
 
@@ -62,6 +63,8 @@ class Choice:
 
     def text(self, value: float) -> str:
         """Return a value as it is told."""
+        if self.parameter == "hold_s" and value < 1.0 / RATE_HZ:
+            return "one sample"
         return f"{self.factor * value:g} {self.unit}".strip()
 
     def calls(self, value: float) -> tuple[Call, ...]:

@@ -19,7 +19,7 @@ from reproduction.framework.findings import (
     subject,
     thesis_table,
 )
-from reproduction.framework.verdicts import Judgement, all_of, judged, less, p_text, sign_test
+from reproduction.framework.verdicts import Judgement, judged, less, p_text, sign_test
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -109,13 +109,15 @@ def waveform_judgement(errors: Mapping[str, Figures]) -> Judgement:
     ranking = sorted(middle, key=lambda name: middle[name])
     return judged(
         statements=(
-            all_of(
-                "the square wave is better than each other one",
-                [less("", errors["square"], errors[each]) for each in errors if each != "square"],
+            less(
+                "the square wave is better than the best of the others",
+                errors["square"],
+                np.min([errors[each] for each in errors if each != "square"], axis=0),
             ),
-            all_of(
-                "the random one is worse than each other one",
-                [less("", errors[each], errors["random"]) for each in errors if each != "random"],
+            less(
+                "the random one is worse than the worst of the others",
+                np.max([errors[each] for each in errors if each != "random"], axis=0),
+                errors["random"],
             ),
         ),
         evidence=f"From the best to the worst: {', '.join(ranking)}.",

@@ -74,7 +74,12 @@ PREPARED = ("O_dat2", "C_dat3")
 """A record of each kind that the later chapters use."""
 OFFSET_V = 0.5
 """Bias that the sensors are given, as the simulated ones have none."""
-STEPS = ("biases", "filter", "scaling")
+STEPS = {
+    "biases": "leaving the biases in",
+    "filter": "leaving the filter out",
+    "scaling": "leaving the scaling out",
+}
+"""Steps of the preparation, and what it means to do without each."""
 ALL_STEPS = "all steps"
 
 
@@ -122,13 +127,13 @@ def preparation_judgement(errors: Mapping[str, Sequence[Mapping[str, float]]]) -
     return judged(
         statements=[
             all_of(
-                f"without {step} the model is worse",
+                f"{left_out} makes the model worse",
                 [
-                    less("", [each[ALL_STEPS] for each in some], [each[step] for each in some])
-                    for some in errors.values()
+                    less(record, [each[ALL_STEPS] for each in some], [each[step] for each in some])
+                    for record, some in errors.items()
                 ],
             )
-            for step in STEPS
+            for step, left_out in STEPS.items()
         ],
         evidence=f"Judged on {' and '.join(errors)}, and it has to hold on both.",
         reason=prose("claim-2-6.reason"),

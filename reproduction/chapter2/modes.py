@@ -217,7 +217,11 @@ def modes_judgement(
         statements=(
             all_of(
                 "from every waveform an eigenvalue is near each mode",
-                [mostly("", column) for each in near.values() for column in each.T],
+                [
+                    mostly(f"{name} mode {number}", column)
+                    for name, each in near.items()
+                    for number, column in enumerate(each.T, start=1)
+                ],
             ),
             less("gauges have peaks at the modes rather than between them", chance, peaks),
         ),
@@ -319,10 +323,16 @@ def response_judgement(
     gauges, others = strength[:, :, GAUGES].min(axis=2), strength[:, :, _OTHERS].max(axis=2)
     return judged(
         statements=(
-            all_of("a gauge has a peak at each mode", [mostly("", each) for each in peaks.T]),
+            all_of(
+                "a gauge has a peak at each mode",
+                [mostly(f"mode {number}", each) for number, each in enumerate(peaks.T, start=1)],
+            ),
             all_of(
                 "the modes are stronger in both gauges than in position and speed",
-                [less("", *pair) for pair in zip(others.T, gauges.T, strict=True)],
+                [
+                    less(f"mode {number}", *pair)
+                    for number, pair in enumerate(zip(others.T, gauges.T, strict=True), start=1)
+                ],
             ),
         ),
         evidence=f"Peaks at the modes: in {percent(peaks.mean(axis=0))} of the seeds with the "

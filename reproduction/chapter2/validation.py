@@ -91,10 +91,10 @@ def order_judgement(shares: NDArray[np.float64], stable: float) -> Judgement:
     """Say what the descending singular values of ours show; the thesis prints none of its own."""
     first = int(np.argmax(shares <= SMALL)) if np.any(shares <= SMALL) else len(shares)
     return not_comparable(
-        f"The thesis prints no singular value, and that those after number {ORDER} are small does "
-        f"not set that order apart: in ours the value after it is {shares[ORDER]:.1%} of the "
-        f"largest, in the median, and below {SMALL:.0%} they are after number {first}. The model "
-        f"of order {ORDER} is unstable in {1.0 - stable:.0%} of the seeds."
+        f"The thesis prints no singular value, and ours show no gap at its order: they are below "
+        f"{SMALL:.0%} of the largest after number {first}, and number {ORDER + 1} is "
+        f"{shares[ORDER] / shares[ORDER - 1]:.0%} of number {ORDER}, medians. The model of order "
+        f"{ORDER} is unstable in {1.0 - stable:.0%} of the seeds."
     )
 
 
@@ -219,11 +219,12 @@ def match_judgement(
     others: Sequence[Mapping[str, NDArray[np.float64]]] = (),
 ) -> Judgement:
     """Judge a validation by errors, (seeds, 4), at the printed order; `chosen` is our best."""
-    ours, best = (np.median(each, axis=0) for each in (at_order, chosen))
+    ours = np.median(at_order, axis=0)
+    mean, best = (np.median(each.mean(axis=1)) for each in (at_order, chosen))
     return judged(
         figures=(Beside("errors of the outputs", tuple(printed), tuple(ours.tolist())),),
-        evidence=f"The mean error is {np.mean(printed):.3f} in the thesis, ours {ours.mean():.3f} "
-        f"with the thesis's order and {best.mean():.3f} with the order that is best in our record.",
+        evidence=f"The mean error is {np.mean(printed):.3f} in the thesis, ours {mean:.3f} "
+        f"with the thesis's order and {best:.3f} with the order that is best in our record.",
         reason=_off_reason(printed, ours, others),
     )
 
@@ -277,7 +278,7 @@ def _explains(away: float, late_away: NDArray[np.bool_]) -> str:
         return "would explain it"
     if late_away.mean() > away:
         return "makes it likelier, and does not explain it alone"
-    return "does not explain it"
+    return "does not explain it, and no reason is known"
 
 
 def _dmv(results: Results, record: str) -> Finding:

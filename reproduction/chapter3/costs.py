@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from reproduction.chapter3.drift import AS_IT_IS, DRIFTING, drift_calls, drift_table, median_errors
+from reproduction.chapter3.drift import (
+    AS_IT_IS,
+    DRIFTING,
+    RIGS,
+    drift_calls,
+    drift_table,
+    median_errors,
+)
 from reproduction.chapter3.examples import (
     C_UPDATED,
     EXAMPLES,
@@ -145,7 +152,7 @@ def _text(found: Records) -> tuple[str, ...]:
     moved = sum(bool(trial.moved) for trial in noisy)
     difference = max(_ROUNDING, *(trial.realisation_difference for trial in (*low, *noisy)))
     lines = [
-        prose("table-3-xb.text", order=example.order, record=example.experiment),
+        prose("table-3-xb.text", states=_states(found), record=example.experiment),
         prose("table-3-xb.text2", seed=shown.seed, states=states),
         prose("table-3-xb.text3", strong=ranks_text(noisy, "mrmc"), little=ranks_text(low, "mrmc")),
         prose("table-3-xb.text4", difference=difference),
@@ -156,6 +163,17 @@ def _text(found: Records) -> tuple[str, ...]:
     if moved and not example.unstable:
         lines.append(prose("table-3-xb.text6", moved=moved, records=len(noisy)))
     return tuple(lines)
+
+
+def _states(found: Records) -> str:
+    """Return how many states full models have; an unstable one's order is searched for."""
+    if not found.example.unstable:
+        return f"{found.example.order} states as the thesis's"
+    orders = [trial.order for trial in found.low]
+    return (
+        f"{min(orders)} to {max(orders)} states with little noise, where the thesis's has "
+        f"{found.example.order},"
+    )
 
 
 def _values(number: str, found: Records) -> dict[str, Any]:
@@ -195,11 +213,18 @@ def _subject(number: str, code: str) -> Subject:
         )
         if number not in DRIFTING:
             return finding
-        order = EXAMPLES[code].order
+        values = _values(number, records_of(results, code))
+        words = prose(
+            "table-3-xb.drift",
+            order=EXAMPLES[code].order,
+            printed=values["position"],
+            ours=values["our_position"],
+            eased=", ".join(f"{median_errors(code, rig, results)[0]:.3f} ({rig})" for rig in RIGS),
+        )
         return replace(
             finding,
             tables=(*finding.tables, drift_table(code, results)),
-            text=(*finding.text, prose("table-3-xb.drift", order=order)),
+            text=(*finding.text, words),
         )
 
     return Subject(

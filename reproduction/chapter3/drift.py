@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 DRIFTING = frozenset({"3-2", "3-3", "3-4"})
-"""Tables whose full model matches the position far less well than the thesis's."""
+"""Tables beside which the errors of the full model on easier rigs stand."""
 AS_IT_IS = "as it is"
 _FREE = {"coulomb_friction_nm": 0.0}
 RIGS: Mapping[str, Mapping[str, Any]] = MappingProxyType(

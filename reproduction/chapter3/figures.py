@@ -80,7 +80,7 @@ def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) 
     shown = found.shown(noisy=True)
     drawn = np.array(getattr(shown.stages[stage], validation))
     each = errors(noisy, stage, validation)
-    ours = np.median(each, axis=0)
+    ours, middle = np.median(each, axis=0), np.median(each.mean(axis=1))
     runaways = int(np.sum(each.max(axis=1) > RUNS_AWAY))
     if shown.curves is None:
         raise ValueError(f"{example.code}, seed {shown.seed}: nothing was kept to draw")
@@ -95,11 +95,11 @@ def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) 
                 f"Errors of the {STAGES[stage]} model by {MEANING[validation]}",
                 ("", *SENSORS, "mean"),
                 tuple(
-                    (label, *map(error_text, delta.tolist()), error_text(float(delta.mean())))
-                    for label, delta in (
-                        ("thesis", theirs),
-                        (f"ours, drawn (seed {shown.seed})", drawn),
-                        (f"ours, median of {len(noisy)} records", ours),
+                    (label, *map(error_text, delta.tolist()), error_text(float(mean)))
+                    for label, delta, mean in (
+                        ("thesis", theirs, theirs.mean()),
+                        (f"ours, drawn (seed {shown.seed})", drawn, drawn.mean()),
+                        (f"ours, median of {len(noisy)} records", ours, middle),
                     )
                 ),
             ),

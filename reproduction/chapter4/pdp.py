@@ -36,7 +36,15 @@ from reproduction.framework.findings import (
 )
 from reproduction.framework.rig import STEP_S, step_to, step_trial
 from reproduction.framework.study_rig import calm_rig, choices
-from reproduction.framework.verdicts import Beside, Judgement, always, exactly, judged, less
+from reproduction.framework.verdicts import (
+    Beside,
+    Judgement,
+    all_of,
+    always,
+    exactly,
+    judged,
+    less,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -231,16 +239,22 @@ def loop_judgement(found: Sequence[LoopMargins]) -> Judgement:
         return bool(np.all(np.diff(margins_) < 0.0))
 
     phase_share, gain_share = phases_deg[-1] / phases_deg[0], gains_db[-1] / gains_db[0]
+    ratio_share = 10.0 ** ((gains_db[-1] - gains_db[0]) / 20.0)
+    sensitive = {"gain in dB": gain_share, "gain as a ratio": ratio_share}
     return judged(
         statements=(
             exactly("the gain margin falls with the payload", holds=falls(gains_db)),
             exactly("the phase margin does", holds=falls(phases_deg)),
-            exactly("the phase margin is the more sensitive", holds=phase_share < gain_share),
+            all_of(
+                "the phase margin is the more sensitive",
+                [exactly(words, holds=phase_share < share) for words, share in sensitive.items()],
+            ),
             exactly("the bandwidth falls", holds=falls([each.bandwidth_hz for each in found])),
         ),
         evidence=f"From 0 to {1e3 * found[-1].payload_kg:.0f} g the gain margin goes from "
-        f"{gains_db[0]:.1f} to {gains_db[-1]:.1f} dB ({gain_share:.0%}), the phase margin "
-        f"from {phases_deg[0]:.1f} to {phases_deg[-1]:.1f} deg ({phase_share:.0%}).",
+        f"{gains_db[0]:.1f} to {gains_db[-1]:.1f} dB ({gain_share:.1%}; as a ratio "
+        f"{ratio_share:.1%}), the phase margin from {phases_deg[0]:.1f} to "
+        f"{phases_deg[-1]:.1f} deg ({phase_share:.1%}).",
         reason="The thesis prints no margins, and its models with payload contradict themselves: "
         "see Appendix B.",
     )
@@ -304,7 +318,15 @@ def _claim(results: Results) -> Finding:
                 rows,
             ),
         ),
-        text=(prose("claim-4-2.text", well=WELL, step_s=STEP_S),),
+        text=(
+            prose(
+                "claim-4-2.text",
+                well=WELL,
+                step_s=STEP_S,
+                half_db=LOUDER_DB[1],
+                beyond_db=LOUDER_DB[2],
+            ),
+        ),
     )
 
 

@@ -27,16 +27,18 @@ PICTURES = "svg"
 _HEAD = f"<!-- {MARK} -->\n"
 _INTRODUCTION = """\
 Each table, figure and claim of the thesis *System Identification and Control of a Flexible
-Manipulator* beside what flexarm gives for it, with a verdict. Nothing here was written by hand:
-`./flexarm reproduce all -o docs/reproduction` runs the experiments on the simulated rig,
-identifies, reduces, tunes and controls as the thesis does, and writes these pages. The same seeds
-give the same pages.
+Manipulator* beside what flexarm gives for it, with a verdict. `./flexarm reproduce all -o
+docs/reproduction` runs the experiments on the simulated rig, identifies, reduces, tunes and
+controls as the thesis does, and writes these pages: figures, tests and verdicts are computed, the
+sentences around them stand in `reproduction/texts`. The same seeds give the same pages. Terms stand
+in the [glossary](../glossary.md#the-thesis).
 
 Each subject is judged in up to three parts. Its *figures* agree when nine in ten lie within a
 stated band (of fewer than ten, all), and when they are nearer to the thesis's than the best
 constant would be, the one number that comes nearest to all of them. Its *conclusions* are
 statements of the thesis's text, or the order that a table gives its rows. Each has a test at 5 %:
-it holds, or its opposite does and it is reversed, or it stays open. What is impossible as it is
+it holds, or its opposite does and it is reversed, or it stays open; so does a statement about
+several records or cases of which some hold and some are reversed. What is impossible as it is
 printed, or not printed at all, is *not comparable*. From the parts follows the verdict:
 
 - **agrees**: all figures agree and all conclusions hold.
@@ -45,14 +47,16 @@ printed, or not printed at all, is *not comparable*. From the parts follows the 
 - **same conclusions**: all conclusions hold, the figures do not agree.
 - **partly**: a part holds, or figures lie in the band and no nearer than a constant; no conclusion
   is reversed.
-- **differs**: a conclusion is reversed, or nothing agrees; with the reason.
+- **differs**: a conclusion is reversed, or none holds and no kind of figures lies in the band; with
+  the reason where a run backs one.
 - **not comparable**: with the reason.
 - **see elsewhere**: another subject has the same comparison, and a comparison has one verdict.
 - **our choice**: no subject of the thesis, but what it leaves open and we had to choose.
 
 The rig of the study is not that of the demo: it has less friction, more damping and another gain of
-the base gauge, as [the calibration](../rig.md#rig-of-the-reproduction) finds. What else was chosen
-stands under [sensitivity](sensitivity.md).
+the base gauge. [The calibration](../rig.md#rig-of-the-reproduction) chose them so that these same
+figures lie near the thesis's, so figures that agree are no evidence of their own. What else was
+chosen stands under [sensitivity](sensitivity.md).
 """
 _EARLIER = Path(__file__).with_name("earlier.yaml")
 _TITLES = {"chapter": "Chapter {}", APPENDICES: "Appendices", SENSITIVITY: "Sensitivity"}

@@ -25,9 +25,10 @@ STUDY_RIG = RigParameters(
 )
 """The rig that every record, step and known mode of the study comes from.
 
-It is the one whose figures lie nearest to the thesis's in all chapters, as `bench calibration`
-finds it. Its noise makes the gauge errors of the models as large as the thesis's. It would bury the
-vibration of Figure 4-10, so `calm_rig` is the same arm with good sensors.
+Of the rigs that `bench calibration` searched, with the settings that the study had then, it has the
+figures nearest to the thesis's. Its noise makes the gauge errors of the models as large as the
+thesis's. It would bury the vibration of Figure 4-10, so `calm_rig` is the same arm with good
+sensors.
 """
 
 

@@ -64,11 +64,16 @@ class Statement:
         return self.p_opposite < LEVEL
 
     @property
+    def outcome(self) -> str:
+        """What became of it, in a word."""
+        return "holds" if self.holds else "reversed" if self.is_reversed else "open"
+
+    @property
     def text(self) -> str:
-        """The statement with its outcome."""
-        outcome = "holds" if self.holds else "reversed" if self.is_reversed else "open"
-        by_chance = 0.0 < self.p_value < 1.0
-        return f"{self.words}: {outcome}" + f" ({p_text(self.p_value)})" * by_chance
+        """The statement with its outcome, and how likely chance alone gives that."""
+        p_value = self.p_opposite if self.is_reversed else self.p_value
+        by_chance = f" ({p_text(p_value)})" if 0.0 < p_value < 1.0 else ""
+        return f"{self.words}: {self.outcome}{by_chance}"
 
 
 def less(words: str, smaller: Figures, larger: Figures) -> Statement:
@@ -104,15 +109,18 @@ def ranked(words: str, theirs: Figures, ours: Figures) -> Statement:
 
 
 def all_of(words: str, parts: Sequence[Statement]) -> Statement:
-    """Return the statement that all parts hold; one that is reversed reverses it."""
-    opposite = len(parts) * min(each.p_opposite for each in parts)
-    return Statement(words, max(each.p_value for each in parts), min(1.0, opposite))
+    """Return the statement that all parts hold, with those that do not where outcomes differ.
 
-
-def any_of(words: str, parts: Sequence[Statement]) -> Statement:
-    """Return the statement that a part holds at least; it is reversed where all are."""
-    value = min(1.0, len(parts) * min(each.p_value for each in parts))
-    return Statement(words, value, max(each.p_opposite for each in parts))
+    It is reversed where one part is and none holds; one for and one against leave it open.
+    """
+    opposite = min(1.0, len(parts) * min(each.p_opposite for each in parts))
+    if any(each.holds for each in parts):
+        opposite = 1.0
+    if len({each.outcome for each in parts}) > 1:
+        missed = [f"{each.words} {each.outcome}" for each in parts if not each.holds]
+        rest = ["else it holds"] * (len(missed) < len(parts))
+        words += f" ({', '.join(missed + rest)})"
+    return Statement(words, max(each.p_value for each in parts), opposite)
 
 
 @dataclass(frozen=True)
@@ -162,7 +170,9 @@ class Beside:
     @property
     def text(self) -> str:
         """The comparison in words."""
-        ours = f"{self.distance:.2f}" if np.isfinite(self.distance) else "no finite factor"
+        ours = (
+            f"{self.distance:.2f}" if np.isfinite(self.distance) else "no number (one is missing)"
+        )
         return (
             f"{self.within} of {len(self.thesis)} {self.words} are within a factor of "
             f"{self.band:g}; ours are off by {ours} on the average, the best constant by "

@@ -123,10 +123,11 @@ def test_choice___of_some_records___compares_their_errors() -> None:
     # Each figure is one of the thesis times the factor.
     far = [abs(np.log(each)) / np.log(1.5) for each in (0.5, 0.6, 0.7)]
     listed = ", ".join(
-        f"{each:.2f} ({hold} ms)" for each, hold in zip(far, (2, 10, 50), strict=True)
+        f"{each:.2f} ({hold})"
+        for each, hold in zip(far, ("one sample", "10 ms", "50 ms"), strict=True)
     )
     assert f"figures: {listed}; 50 ms is nearest" in finding.judgement.because
-    assert finding.tables[0].rows[0][:2] == ("2 ms (taken)", "0.500")
+    assert finding.tables[0].rows[0][:2] == ("one sample (taken)", "0.500")
 
 
 def test_length_of_the_step___sums_of_the_thesis___stand_beside_ours_and_its_criterion_apart() -> (
