@@ -165,6 +165,20 @@ def test_figures___runaways_are_counted() -> None:
     assert "The loop runs away in 1 of 3 records." in finding.judgement.because
 
 
+def test_figures___mean_over_records___is_the_median_of_their_means_as_in_the_table() -> None:
+    figure = figures.FIGURES[1]
+    time = np.zeros((30, 4), dtype=np.float32)
+    curves = Curves(1 / RATE_HZ, time, {INITIAL: time}, time, {INITIAL: time})
+    deltas = ([0.1, 0.1, 0.1, 0.5], [0.1, 0.5, 0.5, 0.1], [0.9, 0.1, 0.1, 0.5])
+    runs = [
+        trial({(INITIAL, "sfv"): delta}, seed, curves=curves)
+        for seed, delta in enumerate(deltas, start=1)
+    ]
+    found = figures.compare_figure(figure, rows_of("3-1"), Records(EXAMPLES["Ac3_18"], runs, runs))
+    # Their means are 0.2, 0.3 and 0.4.
+    assert found.tables[0].rows[2][1:] == ("0.100", "0.100", "0.100", "0.500", "0.300")
+
+
 def resonant(*frequencies_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Build modes of 3 % damping side by side; all four outputs are their sum."""
     blocks = []
