@@ -105,18 +105,19 @@ def _waveforms(results: Results) -> Finding:
 
 def waveform_judgement(errors: Mapping[str, Figures]) -> Judgement:
     """Judge whether the square wave gives the least errors, and the random one the largest."""
-    middle = {name: float(np.median(each)) for name, each in errors.items()}
+    found = {name: np.asarray(each, dtype=np.float64) for name, each in errors.items()}
+    middle = {name: float(np.median(each)) for name, each in found.items()}
     ranking = sorted(middle, key=lambda name: middle[name])
     return judged(
         statements=(
             less(
                 "the square wave is better than the best of the others",
                 errors["square"],
-                np.min([errors[each] for each in errors if each != "square"], axis=0),
+                np.min([each for name, each in found.items() if name != "square"], axis=0),
             ),
             less(
                 "the random one is worse than the worst of the others",
-                np.max([errors[each] for each in errors if each != "random"], axis=0),
+                np.max([each for name, each in found.items() if name != "random"], axis=0),
                 errors["random"],
             ),
         ),
