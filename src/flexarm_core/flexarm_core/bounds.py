@@ -164,6 +164,15 @@ def yaml_content(text: str) -> object:
         raise YamlError(f"no YAML: {_with_line(error)}") from error
 
 
+def yaml_node(text: str) -> yaml.Node | None:
+    """Return where the values of a YAML text stand, for a text that `yaml_content` has read.
+
+    The loader is that of the content: another one refuses some texts that this one reads, such as a
+    tab behind a colon.
+    """
+    return yaml.compose(text, _Loader)
+
+
 def _with_line(error: Exception) -> str:
     """Return what is wrong with a text, the line first where it is known."""
     if not (isinstance(error, yaml.MarkedYAMLError) and error.problem):

@@ -384,9 +384,10 @@ def described(text: str, file: str = "rig.yaml") -> RigDescription:
 
 
 def _some(top: Section, name: str) -> Iterator[Section]:
-    if name not in top:
-        top.refuse(f"{name} are missing: an arm has at least one")
-    yield from top.sections(name)
+    rows = list(top.sections(name))
+    if not rows:
+        top.refuse(f"{name} are missing: an arm has at least one", name)
+    yield from rows
 
 
 def _channel(
@@ -469,6 +470,13 @@ def _joints(
                 )
             used[signal] = name
         low, high = row.interval("travel")
+        angle = next(each for each in outputs if each.name == measured[0])
+        if angle.wrap is None and not angle.low <= low < high <= angle.high:
+            row.refuse(
+                f"joints.{name}.travel = [{low:g}, {high:g}] passes the range of {angle.name}, "
+                f"[{angle.low:g}, {angle.high:g}], beyond which it reads nothing",
+                "travel",
+            )
         yield Joint(
             name=name,
             input=driven,

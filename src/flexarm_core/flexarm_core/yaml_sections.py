@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import yaml
 
-from flexarm_core.bounds import YamlError, shown, yaml_content
+from flexarm_core.bounds import YamlError, shown, yaml_content, yaml_node
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
 _ANY = -math.inf, math.inf
+_MERGE = "tag:yaml.org,2002:merge"
 
 
 class RigFileError(FlexarmError):
@@ -53,10 +54,14 @@ class Section:
             if name in self._nodes:
                 self.refuse(f"{self._full(name)} stands here twice: leave one", key)
             self._nodes[name] = key, value
+        for key, value in _merged(node):
+            self._nodes.setdefault(key.value, (key, value))
         self._content: Mapping[Any, Any] = content
         self._taken: set[str] = set()
 
     def __contains__(self, name: str) -> bool:
+        # Who asks for an entry knows it, whether it is there or not.
+        self._taken.add(name)
         return self._content.get(name) is not None
 
     @property
@@ -132,6 +137,11 @@ class Section:
         value = self._value(name, default)
         if not isinstance(value, str) or (name in self and not value.strip()):
             self.refuse(f"{self._full(name)} = {shown(value)} must be a text", name)
+        if not value.isprintable():
+            self.refuse(
+                f"{self._full(name)} = {shown(value)} must be one line of printable characters",
+                name,
+            )
         return value
 
     def word(
@@ -171,13 +181,21 @@ class Section:
     def sections(self, name: str) -> Iterator[Section]:
         """Yield the sections of an entry, of which each has the name of a channel or joint."""
         entries = self.section(name)
-        for each in entries._content:  # noqa: SLF001 - of this class
-            if not isinstance(each, str) or not _NAME.fullmatch(each):
-                entries.refuse(
-                    f"{entries._full(str(each))}: a name has letters, digits and _, a letter first",  # noqa: SLF001
-                    str(each),
-                )
+        for each in entries._nodes:  # noqa: SLF001 - of this class
+            entries._require_name(each)  # noqa: SLF001
+        for each in entries._content:  # noqa: SLF001
             yield entries.section(each)
+
+    def _require_name(self, name: object) -> None:
+        entry = str(name)
+        if name in self._nodes and self._nodes[name][0].tag == _MERGE:
+            return
+        if not _NAME.fullmatch(entry):
+            self.refuse(
+                f"{self._full(entry)}: a name has letters, digits and _, a letter first", entry
+            )
+        if entry not in self._content:
+            self.refuse(f"{self._full(entry)}: YAML takes {entry} for no text: rename it", entry)
 
     def values(self) -> dict[str, Any]:
         """Return all entries as they stand."""
@@ -206,7 +224,7 @@ class Section:
         # YAML takes 1e6 for a text.
         try:
             number = math.nan if isinstance(value, bool) else float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             number = math.nan
         if not math.isfinite(number):
             self.refuse(f"{self._full(name)} = {shown(value)} must be a finite number", name)
@@ -214,6 +232,15 @@ class Section:
 
     def _full(self, name: str) -> str:
         return f"{self._place}.{name}" if self._place else name
+
+
+def _merged(node: yaml.MappingNode) -> Iterator[tuple[yaml.Node, yaml.Node]]:
+    """Yield the entries that ``<<`` brings into a mapping; of equal names the first one counts."""
+    for key, value in node.value:
+        if key.tag == _MERGE:
+            for each in value.value if isinstance(value, yaml.SequenceNode) else [value]:
+                yield from (entry for entry in each.value if entry[0].tag != _MERGE)
+                yield from _merged(each)
 
 
 def sections_of(text: str, file: str) -> Section:
@@ -228,7 +255,7 @@ def sections_of(text: str, file: str) -> Section:
         content = yaml_content(text)
     except YamlError as error:
         raise RigFileError(f"{file}: {error}") from None
-    node = yaml.compose(text, yaml.SafeLoader)
+    node = yaml_node(text)
     if node is None:
         raise RigFileError(f"{file}:1: is empty: `flexarm rig new NAME` writes a template")
     return Section(file, node, content)

@@ -172,6 +172,19 @@ BAD = {
         20,
     ),
     "safety.watchdog is not known": ("stuck_samples: 0", "watchdog: 0", 20),
+    "outputs.shoulder_deg.offset = 1000": ("offset: 2048", "offset: 1" + 350 * "0", 8),
+    "safety.stuck_samples = 1000": ("stuck_samples: 0", "stuck_samples: 1" + 350 * "0", 20),
+    "name = 'two\\nlink' must be one line": ("name: two_link", 'name: "two\\nlink"', 1),
+    "driver = 'mine.py:\\x1b' must be one line": ("mine.py:Mine", '"mine.py:\\e"', 18),
+    "outputs.on: YAML takes on for no text: rename it": ("  tip:", "  on:", 11),
+    "outputs.5: a name has letters": ("  tip:", "  5:", 11),
+    "outputs.shoulder_deg.wrpa is not known (nearest: wrap)": ("wrap: 360", "wrpa: 360", 8),
+    "joints.elbow.travel = [-1, 2] passes the range of elbow_rad, [-1.5, 1.5]": (
+        "unit: rad}",
+        "unit: rad, range: 1.5}",
+        15,
+    ),
+    "joints.elbow.angle = 'elbow_rad' is not known": ("unit: rad}", "unit: rad, absent: true}", 15),
 }
 
 
@@ -184,6 +197,79 @@ def test_description___that_is_wrong___is_refused_with_its_line(
         described(changed(before, after), "arm.yaml")
     assert str(refused.value).startswith(f"arm.yaml:{line}: {said}")
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("section", ["inputs", "outputs"])
+@pytest.mark.parametrize("nothing", ["", " {}"])
+def test_description___without_signals___is_refused(section: str, nothing: str) -> None:
+    rest = "name: lamp\nrate_hz: 100\ndriver: rig.py:Mine\n"
+    other = {"inputs": "outputs: {a: {unit: x}}", "outputs": "inputs: {u: {unit: x, limits: 1}}"}
+    with pytest.raises(RigFileError, match=rf"^arm\.yaml:5: {section} are missing: an arm has at"):
+        described(f"{rest}{other[section]}\n{section}:{nothing}\n", "arm.yaml")
+
+
+def test_two_joints___with_the_rate_of_one_output___are_refused() -> None:
+    text = changed("travel: 90", "travel: 90, rate: elbow_rpm")
+    with pytest.raises(
+        RigFileError, match=r"joints\.elbow\.rate = elbow_rpm is that of joint shou"
+    ):
+        described(text)
+
+
+def test_input___named_as_a_compensation___is_refused_at_the_inputs() -> None:
+    text = GOOD.replace("shoulder_a", "compensation_a")
+    with pytest.raises(RigFileError, match=r"^arm\.yaml:3: compensation_a: names with reference_"):
+        described(text, "arm.yaml")
+
+
+@pytest.mark.parametrize(
+    "change", [("rate_hz: ", "rate_hz:\t"), ("limits: 1.5, ", "limits: 1.5,\t")]
+)
+def test_tab___where_yaml_has_it___is_read_as_a_space(change: tuple[str, str]) -> None:
+    rig = replace(described(changed(*change)), text="")
+    assert rig == replace(described(GOOD), text="")
+
+
+def test_sections___that_are_merged_from_an_anchor___are_read_as_if_they_stood_there() -> None:
+    merged = changed("  tip: {", "  <<: {tip: &tip {<<: {quantity: acceleration}, ").replace(
+        "range: 5}", "range: 5}}", 1
+    )
+    outputs = {each.name: each for each in described(merged).outputs}
+    assert outputs == {each.name: each for each in described(GOOD).outputs}
+    with pytest.raises(
+        RigFileError, match=r"^arm\.yaml:11: outputs\.tip\.scale = 0 has no meaning"
+    ):
+        described(merged.replace("range: 5}", "range: 5, scale: 0}"), "arm.yaml")
+
+
+def test_optional_entry___left_empty___has_its_default() -> None:
+    rig = replace(described(changed("coulomb: 0.05", "coulomb: ~")), text="")
+    assert rig == replace(described(changed(", coulomb: 0.05", "")), text="")
+
+
+def test_input___that_rests_aside___reaches_as_far_as_its_nearer_end() -> None:
+    ways = {"[-0.5, 2], rest: 0.25": 0.75, "[-0.5, 2], rest: 1.5": 0.5, "[0, 2], rest: 0": 0.0}
+    for limits, reach in ways.items():
+        rig = described(changed("[-0.5, 2], rest: 0.25", limits))
+        assert rig.input("elbow_nm").reach == pytest.approx(reach)
+
+
+def test_tracks___of_a_joint_and_of_an_output___have_travel_and_range() -> None:
+    rig = described(changed("tracked: [elbow_rad]", "tracked: [tip, elbow_rad]"))
+    assert [(each.name, each.unit, each.low, each.high) for each in rig.tracks] == [
+        ("tip", "V", -5.0, 5.0),
+        ("elbow", "rad", -1.0, 2.0),
+    ]
+    elbow = rig.joints[1]
+    assert (elbow.middle, elbow.half_travel) == (pytest.approx(0.5), pytest.approx(1.5))
+
+
+def test_units___of_an_output_in_counts___are_counts_of_one() -> None:
+    rig = described(changed("unit: rad}", "unit: count, per_si: 1000}"))
+    units = rig.output("elbow_rad").units
+    assert units["count"] == pytest.approx(1.0)
+    assert units["rad"] == pytest.approx(1000.0)
+    assert units["deg"] == pytest.approx(1000.0 * math.pi / 180.0)
 
 
 @pytest.mark.parametrize("text", ["", "# nothing\n", "3", "[1, 2]", "a: [", "name: *none", "\t"])
