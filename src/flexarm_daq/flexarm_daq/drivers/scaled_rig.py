@@ -42,12 +42,12 @@ class ScaledRig:
         self._wraps = wraps[self._wrapped]
         self._factors = [each.raw_per_unit for each in rig.inputs]
         self._names = rig.output_names
-        self._last: np.ndarray | None = None
+        self._last = np.full(len(self._wrapped), np.nan)
         self._turns = np.zeros(len(self._wrapped))
 
     def open(self) -> None:
         """Open the driver; turns are counted from here."""
-        self._last = None
+        self._last[:] = np.nan
         self._turns[:] = 0.0
         self.driver.open()
 
@@ -66,11 +66,10 @@ class ScaledRig:
         return RigSample(sample.time_s, values)
 
     def _unwrapped(self, values: np.ndarray) -> np.ndarray:
-        if self._last is not None:
-            self._turns -= np.rint((values - self._last) / self._wraps)
-        # A reading that is not a number tells no turn.
-        self._turns[~np.isfinite(self._turns)] = 0.0
-        self._last = values
+        turned = np.rint((values - self._last) / self._wraps)
+        # A reading that is not a number tells no turn, and takes none of those before.
+        self._turns -= np.where(np.isfinite(turned), turned, 0.0)
+        self._last = np.where(np.isfinite(values), values, self._last)
         return np.asarray(values + self._wraps * self._turns)
 
     def write(self, commands: Sequence[float]) -> None:

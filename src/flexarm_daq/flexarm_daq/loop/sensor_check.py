@@ -183,9 +183,10 @@ class SensorCheck:
                 yield _range(output, low, high, self.limits.travel_samples, is_position=True)
                 continue
             half, middle = 0.5 * (output.high - output.low), 0.5 * (output.high + output.low)
-            bounded = math.isfinite(half)
-            low = middle - SATURATED * half if bounded else output.low
-            high = middle + SATURATED * half if bounded else output.high
+            # An encoder that begins anew has no end.
+            bounded = math.isfinite(half) and output.wrap is None
+            low = middle - SATURATED * half if bounded else -math.inf
+            high = middle + SATURATED * half if bounded else math.inf
             yield _range(output, low, high, held_samples, is_position=False)
 
     def _joints(self, rig: RigDescription) -> Iterator[_Pair]:
@@ -272,10 +273,12 @@ class SensorCheck:
 
 def _range(output: Output, low: float, high: float, samples: int, is_position: bool) -> _Range:  # noqa: FBT001
     """Return the range of an output; readings at its physical end repeat without being stuck."""
-    finite = math.isfinite(output.high) and math.isfinite(output.low)
-    edge = (1.0 - SATURATED) * 0.5 * (output.high - output.low) if finite else 0.0
+    ends = (-math.inf, math.inf)
+    if output.wrap is None and math.isfinite(output.high - output.low):
+        edge = (1.0 - SATURATED) * 0.5 * (output.high - output.low)
+        ends = (output.low + edge, output.high - edge)
     return _Range(
         *(output.name, output.unit, low, high, samples),
         "beyond the stops" if is_position else "at the end of its range",
-        *(output.low + edge, output.high - edge),
+        *ends,
     )
