@@ -20,6 +20,7 @@ from flexarm_core.channels import (
     TRAVEL_V,
 )
 from flexarm_core.errors import SettingError
+from flexarm_core.rig_description import require_both_ways
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -123,6 +124,7 @@ def require_known_outputs(spec: LawSpec, rig: RigDescription) -> None:
             f"law {spec.name} moves joints, and rig {rig.name} has none: name them in its "
             "description (joints), or take the law servo"
         )
+    require_both_ways(rig, f"law {spec.name} drives", "take the law servo")
     if rig.tracked != tuple(each.angle for each in rig.joints):
         raise SettingError(
             f"law {spec.name} turns the joints of rig {rig.name}, which tracks "

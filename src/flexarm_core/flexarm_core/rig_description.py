@@ -286,6 +286,24 @@ class RigDescription:
         return {each.name: each for each in self.inputs}[name]
 
 
+def require_both_ways(rig: RigDescription, who: str, advice: str) -> None:
+    """Refuse a rig with a joint whose input rests at an end of its limits.
+
+    Raises
+    ------
+    SettingError
+        With who drives the joints, and what else to do.
+    """
+    for joint in rig.joints:
+        driven = rig.input(joint.input)
+        if not driven.reach > 0.0:
+            raise SettingError(
+                f"{who} joint {joint.name} both ways, and {driven.name} of rig {rig.name} rests at "
+                f"{driven.rest:g} {driven.unit}, an end of its limits: give it another rest, or "
+                f"{advice}"
+            )
+
+
 def packaged() -> tuple[str, ...]:
     """Return the names of the descriptions that come with flexarm."""
     folder = files(__package__).joinpath("rigs", "packaged")

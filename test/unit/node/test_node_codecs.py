@@ -51,9 +51,11 @@ def test_arm_of_the_thesis___has_messages_in_which_signals_have_names() -> None:
 def test_any_other_rig___has_arrays() -> None:
     codec = codec_of(described(TWO_JOINTS), FRAME)
     assert (codec.sample_topic, codec.command_topic) == ("io", "io_command")
+    assert codec.reference_topic == "io_reference"
     sample = Sample(5, 8, (0.1, 0.2, 300.0), (1.0, -1.0), (0.0, 0.25), 7)
     message = deserialize_message(codec.samples.pack(sample), IoSample)
     assert (list(message.inputs), list(message.outputs)) == ([1.0, -1.0], [0.1, 0.2, 300.0])
+    assert message.header.frame_id == FRAME
     assert (list(message.compensations), message.command_sequence) == ([0.0, 0.25], 7)
     assert codec.samples.unpack(serialize_message(message)) == sample
     command = Command(9, 8, (-1.0, 0.5), (0.25, 0.0), 6)
@@ -67,15 +69,17 @@ def test_any_other_rig___has_arrays() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rig", "message"),
+    ("rig", "message", "set_points"),
     [
-        (load_rig("thesis"), Float64(data=1.5)),
-        (described(TWO_JOINTS), Float64MultiArray(data=[1.5, -0.5])),
+        (load_rig("thesis"), Float64(data=1.5), (1.5,)),
+        (described(TWO_JOINTS), Float64MultiArray(data=[1.5, -0.5]), (1.5, -0.5)),
     ],
     ids=["thesis", "two joints"],
 )
-def test_set_points___come_back_from_their_message(rig: object, message: object) -> None:
+def test_set_points___come_back_from_their_message(
+    rig: object, message: object, set_points: tuple[float, ...]
+) -> None:
     codec = codec_of(rig, FRAME)  # type: ignore[arg-type]
     references = codec.references(message)
     assert codec.reference_message(references) == message
-    assert references[0] == 1.5
+    assert references == set_points

@@ -20,6 +20,7 @@ import numpy as np
 
 from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import SettingError
+from flexarm_core.rig_description import require_both_ways
 from flexarm_daq.rigs.rig_protocol import RigError, absent_channels
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ _LEAST_NOISE: Final = 0.00025
 _SATURATED_SHARE: Final = 0.1
 # Noise alone exceeds this once in two million times.
 _CERTAIN: Final = 5.0
+# A rest without noise is that of a counter, of which a step or two may come from anything.
+_FEWEST_STEPS: Final = 3
 # The gauges of the thesis's arm, in the order of its outputs.
 _GAUGE_SIGNS: Final = {1: 1.0, 2: -1.0}
 
@@ -126,7 +129,9 @@ def judge(
     answers = []
     for number, output in enumerate(rig.outputs):
         readings = outputs[:, number]
-        span = output.high - output.low if math.isfinite(output.high - output.low) else 0.0
+        # An encoder that begins anew has no end, and its range says nothing of its noise.
+        bounded = math.isfinite(output.high - output.low) and output.wrap is None
+        span = output.high - output.low if bounded else 0.0
         from_end = np.minimum(readings - output.low, output.high - readings)
         course = _course(command, rig, joint, number)
         if span and np.mean(from_end <= _AT_END * span) > _SATURATED_SHARE:
@@ -154,6 +159,10 @@ def _course(
 def _certainty(course: NDArray[np.float64], readings: NDArray[np.float64], span: float) -> float:
     """Return the height of an answer in deviations of the noise of the rest before the course."""
     rest, answering = np.split(readings, [len(readings) - len(course)])
+    if not np.ptp(rest):
+        steps = np.diff(np.unique(readings))
+        if not steps.size or np.ptp(readings) < _FEWEST_STEPS * steps.min():
+            return 0.0
     rounding = float(np.finfo(float).eps * (1.0 + np.abs(rest).max()))
     noise = max(float(rest.std(ddof=1)), _LEAST_NOISE * span, rounding)
     # The mean of the rest is noisy too.
@@ -276,12 +285,14 @@ def check_possible(rig: RigDescription, rate_hz: float, max_command_v: float) ->
     Raises
     ------
     SettingError
-        If the arm has no joint, the sampling is too slow for the pulses or the limit is below them.
+        If the arm has no joint or one that is driven one way only, the sampling is too slow for the
+        pulses or the limit is below them.
     """
     if not rig.joints:
         raise SettingError(
             f"the self-test pulses joints, and {rig.name} has none: set self_test:=off"
         )
+    require_both_ways(rig, "the self-test pulses", "set self_test:=off")
     if rate_hz < MIN_RATE_HZ:
         raise SettingError(
             f"the self-test needs a rate_hz of {MIN_RATE_HZ:g} or more, got {rate_hz:g}"

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from flexarm_core.rig_description import RigDescription
+
     Wiring = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 NOISES_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
@@ -406,3 +408,109 @@ def test_check_possible___arm_without_joints___says_so() -> None:
     )
     with pytest.raises(SettingError, match="lamp has none: set self_test:=off"):
         check_possible(lamp, 300.0, 10.0)
+
+
+UNEVEN = described(
+    """
+name: uneven
+rate_hz: 300
+inputs:
+  lamp: {unit: W, limits: [0, 40], rest: 7}
+  motor: {quantity: torque, unit: N m, limits: [-2, 8], rest: 1}
+outputs:
+  eye: {unit: x, range: 1, absent: true}
+  hub: {quantity: angle, unit: deg, range: [0, 360], wrap: 360}
+  rate: {quantity: rate, unit: deg/s}
+joints:
+  hub: {input: motor, angle: hub, rate: rate, travel: [-20, 100], sign: -1}
+driver: rig.py:Mine
+"""
+)
+
+
+class Uneven:
+    """A joint of 40 degrees without friction, which a positive command turns down.
+
+    Its encoder has steps of `step` degrees, and begins at 40 degrees but for `start`.
+    """
+
+    def __init__(
+        self, start: float = 40.0, step: float = 0.01, gain: float = 200.0, creep: float = 0.0
+    ) -> None:
+        self._start, self._step, self._gain, self._creep = start, step, gain, creep
+        self.written: list[tuple[float, ...]] = []
+
+    def open(self) -> None:
+        self._angle, self._rate = self._start, 0.0
+
+    def read(self) -> RigSample:
+        turned = self._angle + (self._creep if len(self.written) > 100 else 0.0)
+        counts = np.rint(turned / self._step)
+        return RigSample(0.0, np.array([1.0, self._step * counts, self._rate]))
+
+    def write(self, commands: Sequence[float]) -> None:
+        self.written.append(tuple(commands))
+        self._angle += self._rate / RATE_HZ
+        self._rate -= self._gain * (commands[1] - 1.0) / RATE_HZ
+
+    def safe_stop(self) -> None:
+        self.write([7.0, 1.0])
+
+    def close(self) -> None:
+        self.safe_stop()
+
+
+def run_uneven(rig: Rig, description: RigDescription = UNEVEN) -> None:
+    run_self_test(rig, rig_gate(description), description, RATE_HZ, paced=False)
+
+
+def test_joint___of_uneven_ends_and_negative_sign___is_right() -> None:
+    rig = Uneven()
+    run_uneven(rig)
+    written = np.array(rig.written)
+    np.testing.assert_allclose(written[:, 0], 7.0)
+    # As far up as down: the nearer end is 3 N m from rest.
+    np.testing.assert_allclose([written[:, 1].min(), written[:, 1].max()], [0.4, 1.6])
+
+
+def test_joint___of_negative_sign_that_turns_the_other_way___is_told_to_set_the_sign() -> None:
+    with pytest.raises(SelfTestError, match=r"set sign: 1 for joint hub$"):
+        run_uneven(Uneven(gain=-200.0))
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0])
+def test_encoder___that_begins_at_an_end_of_its_range___is_right(start: float) -> None:
+    """One that counts from where it was switched on."""
+    middle = described(UNEVEN.text.replace("travel: [-20, 100]", "travel: [-60, 60]"))
+    run_uneven(Uneven(start), middle)
+
+
+def test_joint___far_from_the_middle_of_uneven_travel___is_refused() -> None:
+    run_uneven(Uneven(82.0))
+    with pytest.raises(SelfTestError, match=r"hub reads -5\.00 deg: turn the arm to the middle"):
+        run_uneven(Uneven(-5.0))
+
+
+def test_encoder___of_a_long_counter___is_judged_by_its_steps() -> None:
+    """Its range of 32 bits is no measure of its noise."""
+    counter = described(
+        UNEVEN.text.replace("range: [0, 360], wrap: 360", "range: 2e+7, wrap: 4e+7")
+    )
+    run_uneven(Uneven(), counter)
+
+
+@pytest.mark.parametrize("creep", [0.09, -0.09, 0.17])
+def test_encoder___that_creeps_by_a_step_without_power___is_silent(creep: float) -> None:
+    with pytest.raises(SelfTestError, match="no channel answers motor"):
+        run_uneven(Uneven(step=0.088, gain=0.0, creep=creep))
+
+
+def test_check_possible___input_that_rests_at_an_end___says_so() -> None:
+    check_possible(UNEVEN, 300.0, 10.0)
+    one_way = described(UNEVEN.text.replace("[-2, 8], rest: 1", "[0, 8]"))
+    with pytest.raises(
+        SettingError,
+        match=r"^the self-test pulses joint hub both ways, and motor of rig uneven rests at 0 N m, "
+        r"an end of its limits: give it another rest, or set self_test:=off$",
+    ):
+        check_possible(one_way, 300.0, 10.0)
