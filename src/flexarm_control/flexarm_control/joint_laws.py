@@ -37,6 +37,8 @@ _SPEED_S = SPEED_V_S_PER_RAD / POSITION_V_PER_RAD
 RATE_FILTER_HZ = 30.0
 """Cut-off of the filter by which the rate of a joint without a rate sensor is taken from its
 angle."""
+_ROUNDING_V = 1e-9
+"""Change of a command by its way to the units of a drive and back, at most."""
 _KNOWN_PLACES = {0, 3}
 """Outputs that every joint has for a law, in the order of the thesis's channels: position, speed.
 The gauges' volts of one arm mean nothing on another one."""
@@ -152,7 +154,7 @@ class JointLaws:
 
     def __init__(self, rig: RigDescription, laws: Sequence[LawWithMemory]) -> None:
         self._ways = joint_ways(rig)
-        self._loops = [Handover(law) for law in laws]
+        self._loops = [Handover(law, _ROUNDING_V) for law in laws]
         self._rest = tuple(each.rest for each in rig.inputs)
         self._rates_v = [_RateFilter(rig.rate_hz) for _ in self._ways]
 

@@ -156,8 +156,23 @@ def test_command_in_force___at_rest___is_none_to_a_law() -> None:
     loop.step(sample(), (0.5, 50.0))
     assert [law.heard for law in laws] == [laws[0].heard] * 2
     loop.step(sample()._replace(commands=(7.0, 6.0, 4.0)), (0.5, 50.0))
-    assert laws[0].heard[-1] == pytest.approx((10.0, 0.0))
-    assert laws[1].heard[-1] == pytest.approx((5.0, 0.0))
+    assert laws[0].heard[-1] == pytest.approx((10.0, -10.0))
+    assert laws[1].heard[-1] == pytest.approx((5.0, -5.0))
+
+
+@pytest.mark.parametrize("effort_v", [0.1, 0.7, 1.1, 2.3, 3.3])
+def test_answer___that_comes_late___is_not_cut_to_a_law(effort_v: float) -> None:
+    """The way to N m and back rounds."""
+    laws = [Fixed(), Fixed(effort_v, 0.3)]
+    loop = JointLaws(RIG, laws)
+    efforts, compensations = loop.step(sample(), (0.5, 50.0))
+    first = tuple(np.add(efforts, compensations).tolist())
+    laws[1].answer = Effort(4.7, 0.3)
+    in_force = sample()._replace(commands=first, compensations=compensations)
+    loop.step(in_force, (0.5, 50.0))
+    assert laws[1].heard[-1] == (0.0, 0.0)
+    loop.step(in_force, (0.5, 50.0))
+    assert laws[1].heard[-1] == pytest.approx((effort_v - 4.7, 0.0), abs=1e-12)
 
 
 def test_friction___of_a_joint___is_a_share_of_its_reach() -> None:

@@ -34,10 +34,14 @@ class Handover:
     ----------
     law : LawWithMemory
         First law.
+    rounding_v : float
+        Commands that differ by no more are the same, V: those of a drive with other units have
+        been converted there and back.
     """
 
-    def __init__(self, law: LawWithMemory) -> None:
+    def __init__(self, law: LawWithMemory, rounding_v: float = 0.0) -> None:
         self.law, self._tell = law, hearing(law)
+        self._rounding_v = rounding_v
         self._forget()
 
     def _forget(self) -> None:
@@ -88,8 +92,8 @@ class Handover:
     def _hear(self, drive: DriveCommand) -> None:
         """Tell the law what became of its last answer."""
         command_v, asked = drive.command_v, self._asked
-        is_sent = command_v == sum(asked)
-        is_late = not is_sent and command_v == self._before_v
+        is_sent = abs(command_v - sum(asked)) <= self._rounding_v
+        is_late = not is_sent and abs(command_v - self._before_v) <= self._rounding_v
         if not is_late:
             self._command_v = command_v
         if not self._has_asked:
