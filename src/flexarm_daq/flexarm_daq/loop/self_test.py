@@ -52,7 +52,7 @@ _LEAST_NOISE: Final = 0.00025
 _SATURATED_SHARE: Final = 0.1
 # Noise alone exceeds this once in two million times.
 _CERTAIN: Final = 5.0
-# A rest without noise is that of a counter, of which a step or two may come from anything.
+# A rest without noise or range is a counter's, of which a step or two may come from anything.
 _FEWEST_STEPS: Final = 3
 # The gauges of the thesis's arm, in the order of its outputs.
 _GAUGE_SIGNS: Final = {1: 1.0, 2: -1.0}
@@ -159,7 +159,7 @@ def _course(
 def _certainty(course: NDArray[np.float64], readings: NDArray[np.float64], span: float) -> float:
     """Return the height of an answer in deviations of the noise of the rest before the course."""
     rest, answering = np.split(readings, [len(readings) - len(course)])
-    if not np.ptp(rest):
+    if not (span or np.ptp(rest)):
         steps = np.diff(np.unique(readings))
         if not steps.size or np.ptp(readings) < _FEWEST_STEPS * steps.min():
             return 0.0
