@@ -20,7 +20,7 @@ from flexarm_core.channels import (
     TRAVEL_V,
 )
 from flexarm_core.errors import SettingError
-from flexarm_core.rig_description import require_both_ways
+from flexarm_core.signals import require_both_ways
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

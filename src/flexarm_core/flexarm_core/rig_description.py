@@ -286,24 +286,6 @@ class RigDescription:
         return {each.name: each for each in self.inputs}[name]
 
 
-def require_both_ways(rig: RigDescription, who: str, advice: str) -> None:
-    """Refuse a rig with a joint whose input rests at an end of its limits.
-
-    Raises
-    ------
-    SettingError
-        With who drives the joints, and what else to do.
-    """
-    for joint in rig.joints:
-        driven = rig.input(joint.input)
-        if not driven.reach > 0.0:
-            raise SettingError(
-                f"{who} joint {joint.name} both ways, and {driven.name} of rig {rig.name} rests at "
-                f"{driven.rest:g} {driven.unit}, an end of its limits: give it another rest, or "
-                f"{advice}"
-            )
-
-
 def packaged() -> tuple[str, ...]:
     """Return the names of the descriptions that come with flexarm."""
     folder = files(__package__).joinpath("rigs", "packaged")
@@ -415,11 +397,8 @@ def _channel(
     quantity = row.word("quantity", quantities, "other")
     known = PER_SI.get(quantity, {})
     # A quantity without an SI unit has any.
-    unit = (
-        row.text("unit")
-        if quantity == "other"
-        else row.word("unit", (*known, *RAW_UNITS), role=f"a unit of {quantity}")
-    )
+    units, role = (*known, *RAW_UNITS), f"a unit of {quantity}"
+    unit = row.word("unit", units, role=role) if quantity != "other" else row.text("unit")
     per_si = known.get(unit)
     if "per_si" in row:
         if per_si is not None or quantity == "other":
@@ -446,9 +425,7 @@ def _input(row: Section) -> Input:
 
 
 def _output(row: Section) -> Output:
-    low, high = (
-        row.interval("range", (-math.inf, math.inf)) if "range" in row else (-math.inf, math.inf)
-    )
+    low, high = row.interval("range") if "range" in row else (-math.inf, math.inf)
     wrap = row.number("wrap", within=(1e-12, 1e12)) if "wrap" in row else None
     if wrap is not None and not wrap <= high - low < math.inf:
         row.refuse(
@@ -487,6 +464,9 @@ def _joints(
                     f"joints.{name}.{entry} = {signal} is that of joint {used[signal]}", entry
                 )
             used[signal] = name
+        sign = row.number("sign", 1.0, zero=False)
+        if abs(sign) != 1.0:
+            row.refuse(f"joints.{name}.sign = {sign:g} must be 1 or -1", "sign")
         low, high = row.interval("travel")
         angle = next(each for each in outputs if each.name == measured[0])
         if angle.wrap is None and not angle.low <= low < high <= angle.high:
@@ -502,18 +482,11 @@ def _joints(
             rate=measured[1] if len(measured) > 1 else None,
             low=low,
             high=high,
-            sign=_sign(row),
+            sign=int(sign),
             coulomb=row.number("coulomb", within=(0.0, math.inf)) if "coulomb" in row else None,
             link_length_m=row.number("link_length_m", 1.0, within=(1e-3, 1e3)),
         )
         row.end()
-
-
-def _sign(row: Section) -> int:
-    sign = row.number("sign", 1.0, zero=False)
-    if abs(sign) != 1.0:
-        row.refuse(f"joints.{row.name}.sign = {sign:g} must be 1 or -1", "sign")
-    return int(sign)
 
 
 def _safety(row: Section) -> Safety:

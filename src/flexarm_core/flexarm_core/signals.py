@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from flexarm_core.errors import SettingError
+
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
+    from flexarm_core.rig_description import RigDescription
 
 MAX_CATCH_UP_S: Final = 1.0
 """Longest gap of real time that a simulated rig moves on by, s; the rest is left out."""
@@ -96,3 +99,21 @@ class Command(NamedTuple):
     efforts: tuple[float, ...]
     compensations: tuple[float, ...]
     stamp_ns: int = 0
+
+
+def require_both_ways(rig: RigDescription, who: str, advice: str) -> None:
+    """Refuse a rig with a joint whose input rests at an end of its limits.
+
+    Raises
+    ------
+    SettingError
+        With who drives the joints, and what else to do.
+    """
+    for joint in rig.joints:
+        driven = rig.input(joint.input)
+        if not driven.reach > 0.0:
+            raise SettingError(
+                f"{who} joint {joint.name} both ways, and {driven.name} of rig {rig.name} rests at "
+                f"{driven.rest:g} {driven.unit}, an end of its limits: give it another rest, or "
+                f"{advice}"
+            )

@@ -20,7 +20,7 @@ import numpy as np
 
 from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import SettingError
-from flexarm_core.rig_description import require_both_ways
+from flexarm_core.signals import require_both_ways
 from flexarm_daq.rigs.rig_protocol import RigError, absent_channels
 
 if TYPE_CHECKING:
