@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,9 +71,10 @@ def test_rig___at_rest___has_no_complaint() -> None:
 def test_joint___beyond_its_stops___is_found_at_once(
     name: str, inside: float, beyond: float
 ) -> None:
-    limits = {"hub_rpm": 0.0} if name == "cart_mm" else {}
-    assert complaints(100, **{name: inside}, **limits) == []
-    found = complaints(100, **{name: beyond}, **limits)
+    within: dict[str, Any] = {name: inside}
+    outside: dict[str, Any] = {name: beyond}
+    assert complaints(100, **within) == []
+    found = complaints(100, **outside)
     assert found[0][0] == SensorLimits().travel_samples - 1
     assert found[0][1].startswith(f"{name} is beyond the stops at {beyond:.3f}")
 
@@ -107,7 +109,7 @@ def test_absent_output___at_its_end___need_only_be_a_number() -> None:
 
 @pytest.mark.parametrize("name", ["pole_deg", "hub_deg"])
 def test_encoder___that_stands_beyond_its_range___is_stuck_too(name: str) -> None:
-    noise = {
+    noise: dict[str, Any] = {
         each: REST.get(each, 0.0) + 1e-3 * np.random.default_rng(1).standard_normal(100)
         for each in RIG.output_names
         if each not in (name, "hub_rpm")
@@ -122,7 +124,7 @@ def test_encoder___that_stands_beyond_its_range___is_stuck_too(name: str) -> Non
 def test_angle_and_rate___of_the_second_joint___are_compared_in_si() -> None:
     time_s = np.arange(300) / RATE_HZ
     # 10 rpm are 60 degrees a second.
-    turning = {"hub_deg": 300.0 + 60.0 * time_s, "hub_rpm": 10.0}
+    turning: dict[str, Any] = {"hub_deg": 300.0 + 60.0 * time_s, "hub_rpm": 10.0}
     assert complaints(300, **turning) == []
     found = complaints(300, **(turning | {"hub_rpm": -10.0}))
     assert "hub_deg and hub_rpm disagree by 25 degrees" in found[0][1]
