@@ -60,8 +60,15 @@ def settings_of(kind: type[_SettingsT], rig: RigDescription, **given: object) ->
     Raises
     ------
     SettingError
-        If a setting is unknown, missing or of another kind.
+        If a setting is unknown, missing or of another kind, or an input does not rest at zero,
+        where these drivers stop it.
     """
+    for each in rig.inputs:
+        if each.rest:
+            raise SettingError(
+                f"the driver {rig.driver} stops its outputs at zero, and {each.name} rests at "
+                f"{each.rest:g} {each.unit}: count it from there, or write a driver of your own"
+            )
     known = {
         field.name: field
         for field in fields(kind)  # type: ignore[arg-type]

@@ -143,3 +143,12 @@ def test_read_at_rest___other_number_of_channels___names_the_outputs(folder: Pat
     description = rig("mine.py:Mine", "{channels: 3}")
     with pytest.raises(RigError, match="reads 3 channels, and rig mine has 2 outputs: a, b"):
         read_at_rest(driven(description, folder), description, 0.2)
+
+
+@pytest.mark.parametrize("driver", ["serial", "topics", "mujoco", "nidaq"])
+def test_driver_that_stops_at_zero___with_an_input_that_rests_elsewhere___is_refused(
+    driver: str, folder: Path
+) -> None:
+    aside = described(rig(driver).text.replace("limits: 1", "limits: [1, 9], rest: 5"))
+    with pytest.raises(SettingError, match=f"the driver {driver} stops .* and u rests at 5 x"):
+        driven(aside, folder)
