@@ -273,6 +273,8 @@ def _fault_of(pulsed: _Pulsed, joint: Joint, absent: set[str]) -> str:
         pulses = profile(rate_hz, PULSE * rig.input(joint.input).reach)
         judged = judge(*_follow(pulsed, joint, pulses), rig, joint)
         answers = tuple(answer for answer in judged if answer.channel not in absent)
+        if not answers:
+            return f"joint {joint.name} has no sensor that could answer: set self_test:=off"
         fault = complaint(answers, rig, joint)
         if not fault or any(answer.verdict == WRONG_SIGN for answer in answers):
             break

@@ -255,3 +255,10 @@ def test_check_possible___input_that_rests_at_an_end___says_so() -> None:
         r"an end of its limits: give it another rest, or set self_test:=off$",
     ):
         check_possible(one_way, 300.0, 10.0)
+
+
+def test_joint___without_any_sensor___is_told_and_not_passed() -> None:
+    blind = FreeJoints()
+    setattr(blind, "absent_channels", ("hub1", "rate1"))  # noqa: B010 - as a driver of a user has it
+    with pytest.raises(SelfTestError, match="joint one has no sensor that could answer"):
+        run_two(blind)
