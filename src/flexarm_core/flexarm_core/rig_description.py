@@ -128,6 +128,12 @@ class Output(Channel):
     wrap: float | None
     absent: bool
 
+    @property
+    def span(self) -> float:
+        """Width of its range, at whose ends it saturates; 0 without ends, as one that wraps."""
+        span = self.high - self.low
+        return span if self.wrap is None and math.isfinite(span) else 0.0
+
     def value(self, raw: float) -> float:
         """Return the value of a raw reading."""
         return self.scale * (raw - self.offset)
@@ -249,12 +255,6 @@ class RigDescription:
     safety: Safety
     text: str
     file: str = field(default="rig.yaml", compare=False)
-
-    def place(self, entry: str) -> str:
-        """Return ``FILE:LINE`` of an entry at the left margin, the first line without it."""
-        lines = enumerate(self.text.splitlines(), 1)
-        line = next((number for number, line in lines if line.startswith(f"{entry}:")), 1)
-        return f"{self.file}:{line}"
 
     @property
     def input_names(self) -> tuple[str, ...]:

@@ -154,9 +154,9 @@ class Programme:
             travelled_v = way.volts_per_unit * (record.y[:, way.angle] - way.middle)
             found.append(_MOST_SHARE * TRAVEL_V / float(np.abs(travelled_v).max()))
         for each, column in zip(self.rig.outputs, record.y.T, strict=True):
-            middle, half = 0.5 * (each.high + each.low), 0.5 * (each.high - each.low)
-            if np.isfinite(half) and not each.wrap and np.ptp(column) > 0.0:
-                found.append(_MOST_SHARE * half / float(np.abs(column - middle).max()))
+            if each.span and np.ptp(column) > 0.0:
+                off = float(np.abs(column - 0.5 * (each.high + each.low)).max())
+                found.append(_MOST_SHARE * 0.5 * each.span / off)
         return min(found)
 
     def stages(self) -> tuple[Stage, ...]:

@@ -102,7 +102,9 @@ def driven(rig: RigDescription, folder: Path) -> Rig:
     try:
         return _driven(rig, folder)
     except SettingError as error:
-        raise SettingError(f"{rig.place('driver')}: {error}") from error
+        lines = enumerate(rig.text.splitlines(), 1)
+        line = next((number for number, line in lines if line.startswith("driver:")), 1)
+        raise SettingError(f"{rig.file}:{line}: {error}") from error
 
 
 def _driven(rig: RigDescription, folder: Path) -> Rig:

@@ -129,15 +129,12 @@ def judge(
     answers = []
     for number, output in enumerate(rig.outputs):
         readings = outputs[:, number]
-        # An encoder that begins anew has no end, and its range says nothing of its noise.
-        bounded = math.isfinite(output.high - output.low) and output.wrap is None
-        span = output.high - output.low if bounded else 0.0
         from_end = np.minimum(readings - output.low, output.high - readings)
         course = _course(command, rig, joint, number)
-        if span and np.mean(from_end <= _AT_END * span) > _SATURATED_SHARE:
+        if output.span and np.mean(from_end <= _AT_END * output.span) > _SATURATED_SHARE:
             answers.append(Answer(output.name, SATURATED, math.inf))
         elif course is not None:
-            certainty = _certainty(course[moving[0] :], readings, span)
+            certainty = _certainty(course[moving[0] :], readings, output.span)
             answers.append(Answer(output.name, _verdict(certainty), certainty))
     return tuple(answers)
 
@@ -313,6 +310,7 @@ def _follow(
     rig, gate, description, rate_hz, paced = pulsed
     rests = [each.rest for each in description.inputs]
     place = description.input_names.index(joint.input)
+    angle = description.output_names.index(joint.angle)
     in_force = np.zeros(len(commands))
     outputs = np.zeros((len(commands), len(description.outputs)))
     applied = 0.0
@@ -321,7 +319,7 @@ def _follow(
         deadline_s = time.monotonic() + 1.0 / rate_hz
         in_force[k] = applied
         outputs[k] = rig.read().outputs
-        _require_room(outputs[: k + 1], in_force, description, joint, moves=bool(commands.any()))
+        _require_room(outputs[: k + 1, angle], in_force, description, joint, moves=commands.any())
         asked = list(rests)
         asked[place] += wanted
         given = gate.apply(asked, [0.0] * len(rests), outputs[k].tolist(), 1.0 / rate_hz).commands
@@ -333,25 +331,26 @@ def _follow(
 
 
 def _require_room(
-    outputs: NDArray[np.float64],
+    angle: NDArray[np.float64],
     in_force: NDArray[np.float64],
     rig: RigDescription,
     joint: Joint,
     *,
-    moves: bool,
+    moves: bool | np.bool_,
 ) -> None:
     """Refuse a joint that begins too near to an end of its travel, or moves too far in a test."""
-    angle = outputs[:, rig.output_names.index(joint.angle)]
-    name, unit = _wired(joint.angle, rig), rig.output(joint.angle).unit
     most_start, most_move = _MAX_START * joint.half_travel, _MAX_MOVE * joint.half_travel
-    if abs(angle[-1] - joint.middle) > most_start:
+    is_far = abs(angle[-1] - joint.middle) > most_start
+    if not is_far and not (moves and abs(angle[-1] - angle[0]) > most_move):
+        return
+    name, unit = _wired(joint.angle, rig), rig.output(joint.angle).unit
+    if is_far:
         raise SelfTestError(
             f"self-test: {name} reads {angle[-1]:.2f} {unit}: turn the arm to the middle, within "
             f"{most_start:.2g} {unit}, by hand; else check the sensor"
         )
-    if moves and abs(angle[-1] - angle[0]) > most_move:
-        raise SelfTestError(
-            f"self-test: {name} moved by more than {most_move:.2g} {unit} "
-            f"{'at a small pulse' if in_force.any() else 'with the drive at zero'}: wait until the "
-            "arm rests; else check the sensor, the arm and the drive's gain"
-        )
+    raise SelfTestError(
+        f"self-test: {name} moved by more than {most_move:.2g} {unit} "
+        f"{'at a small pulse' if in_force.any() else 'with the drive at zero'}: wait until the "
+        "arm rests; else check the sensor, the arm and the drive's gain"
+    )

@@ -182,12 +182,7 @@ class SensorCheck:
                 low, high = joint.low - give, joint.high + give
                 yield _range(output, low, high, self.limits.travel_samples, is_position=True)
                 continue
-            half, middle = 0.5 * (output.high - output.low), 0.5 * (output.high + output.low)
-            # An encoder that begins anew has no end.
-            bounded = math.isfinite(half) and output.wrap is None
-            low = middle - SATURATED * half if bounded else -math.inf
-            high = middle + SATURATED * half if bounded else math.inf
-            yield _range(output, low, high, held_samples, is_position=False)
+            yield _range(output, *_saturated(output), held_samples, is_position=False)
 
     def _joints(self, rig: RigDescription) -> Iterator[_Pair]:
         for joint in rig.joints:
@@ -273,12 +268,14 @@ class SensorCheck:
 
 def _range(output: Output, low: float, high: float, samples: int, is_position: bool) -> _Range:  # noqa: FBT001
     """Return the range of an output; readings at its physical end repeat without being stuck."""
-    ends = (-math.inf, math.inf)
-    if output.wrap is None and math.isfinite(output.high - output.low):
-        edge = (1.0 - SATURATED) * 0.5 * (output.high - output.low)
-        ends = (output.low + edge, output.high - edge)
     return _Range(
         *(output.name, output.unit, low, high, samples),
         "beyond the stops" if is_position else "at the end of its range",
-        *ends,
+        *_saturated(output),
     )
+
+
+def _saturated(output: Output) -> tuple[float, float]:
+    """Return the readings at and beyond which an output is at an end of its range."""
+    edge = (1.0 - SATURATED) * 0.5 * output.span
+    return (output.low + edge, output.high - edge) if edge else (-math.inf, math.inf)

@@ -188,8 +188,8 @@ def _fault(output: Output, values: np.ndarray) -> str:
     """Return why readings of an output are of no use, or nothing."""
     if not np.isfinite(values).all():
         return "not a number: check the wiring"
-    margin = _NEAR_END * (output.high - output.low)
+    margin = _NEAR_END * output.span
     clips = values.min() < output.low + margin or values.max() > output.high - margin
-    if margin < np.inf and output.wrap is None and clips:
+    if output.span and clips:
         return "at the end of its range: check wiring and scale"
     return ""
