@@ -172,7 +172,6 @@ class Section:
 
     def section(self, name: str) -> Section:
         """Return the section of an entry, which may be missing."""
-        self._taken.add(name)
         if name not in self:
             empty = yaml.MappingNode("", [], self._node.start_mark)
             return Section(self._file, empty, {}, self._full(name))
@@ -212,7 +211,6 @@ class Section:
                 )
 
     def _value(self, name: str, default: object) -> Any:  # noqa: ANN401 - of a YAML text
-        self._taken.add(name)
         if name in self:
             return self._content[name]
         if default is None:

@@ -144,9 +144,10 @@ class Outcome:
     def _keep_s(self) -> float:
         """Return the time in which an unstable plant's model can be kept; 0 if it is as it was."""
         found = self.identification
+        if not (found.moved_eigenvalues and found.stable):
+            return 0.0
         raw = found.subspace.matrices(found.order)
-        was_moved = found.moved_eigenvalues and found.stable
-        if not was_moved or not is_unstable(raw.A, raw.C, self.records):
+        if not is_unstable(raw.A, raw.C, self.records):
             return 0.0
         return short_samples(raw.A) * self.records[0].dt_s
 
