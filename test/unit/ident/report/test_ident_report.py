@@ -138,11 +138,11 @@ def test_render_report___outcome___has_a_plot_per_output_and_kind(
     outcome: Outcome, text: str
 ) -> None:
     # The card's, an input, two each for order and poles, one for the reduction; one for each mode
-    # that oscillates; for each output one gain, two correlations, and twice the whole record with a
-    # part of it.
+    # that oscillates; for each output its poles and zeros, one gain, two correlations, and
+    # twice the whole record with a part of it.
     shapes = sum(mode.kept and mode.is_pair for mode in outcome.modes)
     assert shapes > 0
-    assert views_of(text) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 2 + 2 * 2)
+    assert views_of(text) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 1 + 2 + 2 * 2)
     galleries = ["Residuals", "Simulation", "Closed-loop simulation", "Frequency response"]
     for words in (*galleries, "Mode shapes", "Poles"):
         assert f"<h2>{words}</h2>" in text
@@ -218,7 +218,7 @@ def test_render_report___several_inputs_outputs_and_records___shows_three_record
 ) -> None:
     text = rendered(many_channels)
     page = Page(text)
-    assert views_of(text) == 1 + 2 + 2 + 2 + 2 + 2 * 3 * 3 + 2 * 3 + 2 * 3
+    assert views_of(text) == 1 + 2 + 2 + 2 + 2 + 2 * 3 + 2 * 3 * 3 + 2 * 3 + 2 * 3
     assert len(text.encode()) < 0.8e6
     assert "The first 3 of 4 records are shown." in page.text
     assert "bag 3" in page.text

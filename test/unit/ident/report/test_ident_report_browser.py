@@ -91,6 +91,21 @@ function used(page) {
   found.after = display();
   return found;
 }
+/** The bars of a mode shape: still, a quarter of a period on, and still again. */
+function moved(page) {
+  const shape = page.querySelector(".shape"), found = [];
+  if (!shape) return found;
+  const bars = shape.querySelector(".area .band");
+  const play = shape.querySelector(".play"), path = () => bars.getAttribute("d");
+  found.push(path());
+  let draw = null;
+  page.defaultView.requestAnimationFrame = (next) => { draw = next; return 1; };
+  play.click();
+  draw(500);
+  found.push(path());
+  play.click();
+  return [...found, path()];
+}
 function measured(page) {
   const root = page.documentElement, all = (selector) => [...page.querySelectorAll(selector)];
   return {
@@ -120,7 +135,7 @@ function measured(page) {
 frame.addEventListener("load", () => {
   const page = frame.contentDocument, folded = page.documentElement.scrollHeight;
   page.querySelectorAll("details").forEach((each) => { each.open = true; });
-  const figures = JSON.stringify({...measured(page), folded});
+  const figures = JSON.stringify({...measured(page), folded, shapes: moved(page)});
   frame.remove();
   const answer = document.createElement("pre");
   answer.id = "answer";
@@ -222,6 +237,13 @@ def test_report___at_400_pixels___has_no_small_and_no_cut_text(seen: Visit) -> N
     assert {plot["label"]: plot["cutOff"] for plot in seen.figures["plots"] if plot["cutOff"]} == {}
 
 
+def test_mode_shape___played___moves_its_bars_and_stands_still_again(seen: Visit) -> None:
+    still, moving, again = seen.figures["shapes"]
+    assert still == again != moving
+    # Four outputs, a bar of four corners each.
+    assert moving.count("M") == 4
+
+
 def test_report___in_a_browser___shows_every_part(seen: Visit) -> None:
     figures = seen.figures
     parts = ["Data", "Order", "Modes", "Mode shapes", "Poles", "Reduction", "Fit and errors"]
@@ -266,11 +288,11 @@ def test_report___in_a_browser___zooms_reads_out_and_hides(seen: Visit) -> None:
 def test_report___in_a_browser___names_every_plot(seen: Visit) -> None:
     plots = seen.figures["plots"]
     # The card's, an input, two each for order and poles, one for the reduction; one for each mode
-    # that oscillates; for each output one gain, two correlations, and twice the whole record with a
-    # part of it.
+    # that oscillates; for each output its poles and zeros, one gain, two correlations, and
+    # twice the whole record with a part of it.
     shapes = sum(plot["label"].startswith("shape of the mode") for plot in plots)
     assert shapes >= 3
-    assert len(plots) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 2 + 2 * 2)
+    assert len(plots) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 1 + 2 + 2 * 2)
     assert all(plot["label"] and plot["caption"] for plot in plots)
     flat = {plot["label"]: plot["ratio"] for plot in plots if not 0.3 < plot["ratio"] < 1.5}
     assert flat == {}

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from flexarm_core.labels import axis_label, label_and_unit
-from flexarm_ident.models.modes import frequency_grid, ranked_modes
+from flexarm_ident.models.modes import ModeUncertainty, frequency_grid, ranked_modes
 from flexarm_ident.report.plots.axis import Axis, SecondUnit
 from flexarm_ident.report.plots.frequency_plot import frequency_plot
 from flexarm_ident.report.plots.marks import HEIGHT, WIDTH, between, dots, line
 from flexarm_ident.report.plots.order_plots import cost_plot, singular_value_plot
-from flexarm_ident.report.plots.pole_plots import damping_plot, pole_plot
+from flexarm_ident.report.plots.pole_plots import damping_plot, pole_plot, pole_zero_plot
 from flexarm_ident.report.plots.time_plots import (
     ARM_UNITS,
     Match,
@@ -52,6 +52,49 @@ def test_pole_plot___mode_that_grows___counts_it() -> None:
     outside = replace(mode_list()[0], eigenvalue=1.3 + 0.2j)
     assert "0 not inside the unit circle" in pole_plot(mode_list(), DT_S)
     assert "1 not inside the unit circle" in pole_plot([outside, *mode_list()[1:]], DT_S)
+
+
+def area_extents(plot: str) -> list[FloatArray]:
+    """Return the extents of each area over the width and the height of its plot, as parts."""
+    found = []
+    for path in re.findall(r'<path class="band m[^>]* d="([^"]+)"', plot):
+        start, rest = path.rstrip("z")[1:].split("l")
+        steps = np.array([start.split(), *np.array(rest.split()).reshape(-1, 2)], dtype=float)
+        places = np.cumsum(steps, axis=0) / (WIDTH, HEIGHT)
+        found.append(np.stack([places.min(axis=0), places.max(axis=0)]))
+    return found
+
+
+def test_damping_plot___known_deviations___ellipses_hold_95_percent() -> None:
+    modes = [replace(mode_list()[0], frequency_hz=hz) for hz in (10.0, 1000.0)]
+    known = [ModeUncertainty(10.0, modes[0].damping_ratio, 0.5, 0.01)]
+    (extent,) = area_extents(damping_plot(modes, known))
+    # The radius that holds 95 % of a normal pair is 2.4477 deviations; the axis is two decades and
+    # a twentieth of room at each end.
+    expected = np.log10((10.0 + 2.4477 * 0.5) / (10.0 - 2.4477 * 0.5)) / 2.2
+    assert extent[1, 0] - extent[0, 0] == pytest.approx(expected, rel=5e-3)
+
+
+def test_pole_plot___mode_of_a_known_deviation___ellipse_lies_around_it_and_its_conjugate() -> None:
+    mode = next(each for each in mode_list() if each.frequency_hz > 0.0)
+    known = ModeUncertainty(mode.frequency_hz, mode.damping_ratio, 0.5, 0.01)
+    extents = area_extents(pole_plot([mode], DT_S, [known]))
+    assert len(extents) == 2
+    reach = 1.3 * max(1.0, abs(mode.eigenvalue))
+    for extent, z in zip(extents, (mode.eigenvalue, np.conj(mode.eigenvalue)), strict=True):
+        place = np.array([z.real + reach, reach - z.imag]) / (2.0 * reach)
+        assert np.all(extent[0] < place)
+        assert np.all(place < extent[1])
+
+
+def test_pole_zero_plot___zero_far_outside___leaves_the_circle_its_size() -> None:
+    poles, near, far = np.array([0.5 + 0j]), np.array([-0.3 + 0j]), np.array([-9.0 + 0j])
+    plots = [pole_zero_plot(poles, zeros, DT_S) for zeros in (near, far)]
+    assert all('data-x="-1.3 1.3"' in plot for plot in plots)
+    # Each dot stands where its value is, the far one outside.
+    assert f"M{WIDTH * (0.5 + 1.3) / 2.6:.0f} {HEIGHT // 2}h0" in plots[0]
+    assert f"M{WIDTH * (-0.3 + 1.3) / 2.6:.0f} {HEIGHT // 2}h0" in plots[0]
+    assert re.search(rf"M-\d+ {HEIGHT // 2}h0", plots[1])
 
 
 def texts(plot: str) -> set[str]:

@@ -22,11 +22,12 @@ WIDTH, HEIGHT = 10_000, 2_000
 SOLID, DASHED, DOTTED, THIN, RULE, CUT = "solid", "dashed", "dotted", "thin", "rule", "cut"
 """Looks of lines: three of curves, one behind them, and two of straight lines across the plot."""
 DOT, SMALL, SQUARE, SPECK = "dot", "small", "square", "speck"
+RING, CORE = "ring", "core"
 """Looks of points."""
 SHADE, BAND, AREA = "shade", "band", "filled"
 """Looks of areas."""
-HOLE, WHISKER = "hole", "whisker"
-"""Looks of short lines."""
+HOLE = "hole"
+"""Look of short lines."""
 # Beyond the plot on all sides, where nothing is seen, numbers stay short.
 _FURTHEST = 50_000.0
 _LINE, _POINT, _FILL = "M0 6h26", "M13 6h0", "M0 0h26v12h-26z"

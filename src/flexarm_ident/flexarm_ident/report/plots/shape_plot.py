@@ -1,4 +1,7 @@
-"""Mode shape plot: what each output has of one mode, in phase and a quarter period apart."""
+"""Mode shape plot: what each output has of one mode, in phase and a quarter period apart.
+
+The script of the page moves the bars through a period by the amplitudes that are written here.
+"""
 
 from __future__ import annotations
 
@@ -49,4 +52,7 @@ def shape_plot(shape: ModeShape, outputs: Sequence[str]) -> str:
     words = f"shape of the mode at {shape.frequency_hz:.4g} Hz over {len(names)} outputs"
     panel = Panel(Axis("amplitude", _LOW, _HIGH, step=0.5), found, _SIZE, notes)
     # Names stand in the place of ticks: no multiple of that step lies on the axis.
-    return chart(View(words, Axis("", low, high, step=2.0 * len(place)), [panel]))
+    drawn = chart(View(words, Axis("", low, high, step=2.0 * len(place)), [panel]))
+    parts = np.stack([real, imaginary], axis=1).ravel()
+    amplitudes = " ".join(f"{part:.4f}" for part in parts)
+    return f'<div class="shape" data-shape="{amplitudes}">{drawn}</div>'

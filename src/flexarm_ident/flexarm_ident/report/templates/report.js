@@ -1,8 +1,8 @@
-// Zoom and read-out of the charts. The page can be read without it, and it asks for nothing.
+// Zoom and read-out of the charts, and motion of the mode shapes. The page can be read without it, and it asks for nothing.
 "use strict";
 (() => {
   const WIDTH = 10000, HEIGHT = 2000;
-  const SMALLEST_DRAG_PX = 8, TALL_DRAG_PX = 30, NEAR_PX = 24, FAR = 0.03;
+  const SMALLEST_DRAG_PX = 8, TALL_DRAG_PX = 30, NEAR_PX = 24, FAR = 0.03, PERIOD_MS = 2000;
   const numbers = (text) => text.split(" ").map(Number);
   const plain = (value, digits) => `${Number(value.toPrecision(digits))}`.replace("-", "\u2212");
 
@@ -195,7 +195,35 @@
     }
   }
 
+  /** Move the bars of a mode shape through its period, slowly. */
+  function animate(shape) {
+    const area = shape.querySelector(".area"), bars = area.querySelector(".band");
+    const [low, high] = numbers(area.dataset.y), parts = numbers(shape.dataset.shape);
+    const count = parts.length / 2, still = bars.getAttribute("d");
+    const up = (value) => Math.round(HEIGHT * (high - value) / (high - low));
+    const play = Object.assign(added(area.previousElementSibling, "button", "play"), { type: "button" });
+    play.textContent = "play";
+    let frame = null;
+    const draw = (time_ms) => {
+      const phase = (time_ms / PERIOD_MS) * 2 * Math.PI;
+      const bar = (_, k) => {
+        const value = parts[2 * k] * Math.cos(phase) - parts[2 * k + 1] * Math.sin(phase);
+        const left = WIDTH * (k + 0.2) / count, right = WIDTH * (k + 0.8) / count;
+        return `M${left} ${up(0)}V${up(value)}H${right}V${up(0)}z`;
+      };
+      bars.setAttribute("d", Array.from({ length: count }, bar).join(""));
+      frame = requestAnimationFrame(draw);
+    };
+    play.addEventListener("click", () => {
+      cancelAnimationFrame(frame);
+      if (frame !== null) bars.setAttribute("d", still);
+      frame = frame === null ? requestAnimationFrame(draw) : null;
+      play.textContent = frame === null ? "play" : "stop";
+    });
+  }
+
   document.querySelectorAll(".view").forEach(watch);
+  document.querySelectorAll(".shape").forEach(animate);
 
   // All plots below each other make a page of twenty screens on a telephone.
   const sections = document.querySelectorAll("section > details"), unfold = (each) => { each.open = true; };
