@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from flexarm_core.rig_description import RigDescription
     from flexarm_core.specs import ParameterSpec
 
-_WAVE_SEED = "multisine.seed"
 TOPIC = "topic"
 """The reference comes from the service and the topic, and not from a built-in profile."""
 
@@ -106,8 +105,8 @@ class Setup:
     def of_joints(cls, values: Mapping[str, Any], rig: RigDescription) -> tuple[Setup, ...]:
         """Build law and reference of each joint of a rig that is not the thesis's arm.
 
-        The compensation of friction is that of the rig's description. A multisine has phases of its
-        own for each joint, by which an identification tells the inputs apart.
+        The compensation of friction is that of the rig's description. A random reference is another
+        one for each joint, by which an identification tells the inputs apart.
 
         Raises
         ------
@@ -116,12 +115,12 @@ class Setup:
         """
         name = values["law"]
         require_known_outputs(LAWS[name], rig)
-        level = f"{name}.compensation_v"
+        level, of_wave = f"{name}.compensation_v", f"{values['reference']}.seed"
         made = []
         for number, joint in enumerate(rig.joints):
             own = {level: compensation_v(rig, joint)} if level in values else {}
             rate = {f"{name}.rate_hz": rig.rate_hz} if f"{name}.rate_hz" in values else {}
-            seed = {_WAVE_SEED: values.get(_WAVE_SEED, 0) + number}
+            seed = {of_wave: values[of_wave] + number} if of_wave in values else {}
             made.append(cls.of({**values, **own, **rate, **seed}))
         return tuple(made)
 

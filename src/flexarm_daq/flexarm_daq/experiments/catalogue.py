@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from flexarm_core.channels import is_thesis_arm
+from flexarm_core.channels import MAX_COMMAND_V, TRAVEL_V, is_thesis_arm
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
@@ -81,13 +81,29 @@ class Experiment:
 
     @property
     def input_text(self) -> str:
-        """Input of the arm, in words."""
+        """Input of the thesis's arm, in words."""
         if not self.closed_loop:
-            return f"{self.waveform.replace('_', ' ')} {self.magnitude_v:g} V"
-        gains = ", ".join(f"{name} {value:g}" for name, value in self.gains.items())
+            return f"{self._wave} {self.magnitude_v:g} V"
         profile = ", ".join(f"{name} {value:g}" for name, value in self.profile.items())
-        law = f"{self.law} ({gains})" if gains else self.law
-        return f"{law}, {self.reference.replace('_', ' ')} ({profile})"
+        return f"{self._law}, {self._wave} ({profile})"
+
+    def input_text_on(self, rig: RigDescription) -> str:
+        """Return the input of a rig in words: on another one a share of its limits or travel."""
+        if is_thesis_arm(rig):
+            return self.input_text
+        if not self.closed_loop:
+            return f"{self._wave} of {100.0 * self.magnitude_v / MAX_COMMAND_V:.0f} % of the limits"
+        part = 100.0 * self.profile["amplitude_v"] / TRAVEL_V
+        return f"{self._law}, {self._wave} of {part:.0f} % of the travel"
+
+    @property
+    def _wave(self) -> str:
+        return (self.waveform or self.reference).replace("_", " ")
+
+    @property
+    def _law(self) -> str:
+        gains = ", ".join(f"{name} {value:g}" for name, value in self.gains.items())
+        return f"{self.law} ({gains})" if gains else self.law
 
     def commander_parameters(self, seed: int) -> dict[str, Any]:
         """Return the parameters of the node that commands, controller or experiment."""
@@ -139,6 +155,10 @@ def experiment(name: str) -> Experiment:
 def on_rig(entry: Experiment, rig: RigDescription) -> Experiment:
     """Return an experiment on a rig, at its rate; the limits of its inputs stand for 10 V.
 
+    In closed loop it lacks the gains, which are to be those of a soft position loop of the rig.
+    Several joints have half-periods of random length, from a half of those of a square wave on,
+    which is what C_dat3 has beside C_dat2: an identification tells the inputs apart by them.
+
     Raises
     ------
     CatalogueError
@@ -146,10 +166,26 @@ def on_rig(entry: Experiment, rig: RigDescription) -> Experiment:
     """
     if is_thesis_arm(rig):
         return entry
-    if entry.closed_loop:
+    if entry.kind == "controller":
         raise CatalogueError(
             f"experiment {entry.name}: its law is one of the thesis's arm, and {rig.name} is "
-            "another: choose one in open loop"
+            "another: choose an O_dat, a B_dat or a C_dat"
         )
-    samples = round(entry.length_s * rig.rate_hz)
-    return replace(entry, samples=samples, rate_hz=rig.rate_hz, payload_kg=0.0)
+    reference, profile = entry.reference, entry.profile
+    if reference == "square" and len(rig.joints) > 1:
+        half_s = 0.5 * profile["period_s"]
+        reference = "varying_square"
+        profile = {
+            "amplitude_v": profile["amplitude_v"],
+            "shortest_s": 0.5 * half_s,
+            "longest_s": half_s,
+        }
+    return replace(
+        entry,
+        samples=round(entry.length_s * rig.rate_hz),
+        rate_hz=rig.rate_hz,
+        payload_kg=0.0,
+        gains={},
+        reference=reference,
+        profile=profile,
+    )

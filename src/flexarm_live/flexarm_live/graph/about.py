@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from flexarm_control.laws.registry import LAWS
-from flexarm_core.channels import CHANNELS, MAX_COMMAND_V, TRAVEL_DEG, is_thesis_arm
+from flexarm_core.channels import CHANNELS, TRAVEL_DEG, is_thesis_arm
 from flexarm_daq.experiments.catalogue import catalogue
 from flexarm_daq.rigs.beam import ELEMENTS, arm_modes
 from flexarm_daq.rigs.faulty import Fault
@@ -219,14 +219,8 @@ def _open_loop() -> Iterator[Experiment]:
 
 def _scaled(rig: RigDescription, entry: Experiment) -> dict[str, str]:
     """Return an experiment whose waveform the limits of the inputs scale."""
-    part = entry.magnitude_v / MAX_COMMAND_V
-    return {
-        "name": entry.name,
-        "description": (
-            f"open loop: {entry.waveform.replace('_', ' ')} of {100.0 * part:.0f} % of the limits, "
-            f"{entry.length_s:g} s at {rig.rate_hz:g} Hz"
-        ),
-    }
+    words = f"open loop: {entry.input_text_on(rig)}, {entry.length_s:g} s at {rig.rate_hz:g} Hz"
+    return {"name": entry.name, "description": words}
 
 
 def _fault(name: str, description: str) -> dict[str, str]:

@@ -70,6 +70,11 @@ class Chain:
             Returns the number of the newest sample.
         """
         entry = on_rig(experiment(name), self._rig)
+        if entry.closed_loop and not is_thesis_arm(self._rig):
+            raise FlexarmError(
+                f"{entry.name} needs gains of {self._rig.name}, which `flexarm experiment "
+                f"{entry.name} --rig` finds: choose one in open loop here"
+            )
         rig: dict[str, float] = {}
         if is_thesis_arm(self._rig):
             rig = {"rate_hz": float(entry.rate_hz), "payload_kg": float(entry.payload_kg)}

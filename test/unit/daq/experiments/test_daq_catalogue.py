@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
@@ -124,5 +125,21 @@ def test_experiment___on_another_rig___has_its_rate_and_the_same_length() -> Non
     assert entry.rate_hz == pytest.approx(500.0)
     assert entry.length_s == pytest.approx(experiment("B_dat1").length_s)
     assert on_rig(experiment("C_dat3"), load_rig("thesis")) is experiment("C_dat3")
-    with pytest.raises(CatalogueError, match="C_dat3: its law is one of the thesis's arm"):
-        on_rig(experiment("C_dat3"), rig)
+    assert entry.input_text_on(rig) == "bounded random of 20 % of the limits"
+    with pytest.raises(CatalogueError, match="R_dat1: its law is one of the thesis's arm"):
+        on_rig(experiment("R_dat1"), rig)
+
+
+def test_closed_loop___on_another_rig___asks_for_its_gains_and_tells_joints_apart() -> None:
+    two = load_rig("mujoco-two-link")
+    one = replace(two, joints=two.joints[:1])
+    assert on_rig(experiment("C_dat2"), one).reference == "square"
+    # Of several joints it is C_dat3, which has its amplitude and its longest half-period.
+    entry = on_rig(experiment("C_dat2"), two)
+    assert (entry.reference, entry.profile) == (
+        experiment("C_dat3").reference,
+        experiment("C_dat3").profile,
+    )
+    assert (entry.gains, entry.payload_kg) == ({}, 0.0)
+    assert entry.length_s == pytest.approx(40.0)
+    assert entry.input_text_on(two) == "pd, varying square of 44 % of the travel"

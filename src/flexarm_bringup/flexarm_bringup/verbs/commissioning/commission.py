@@ -14,7 +14,7 @@ from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.commissioning.state import State
-from flexarm_bringup.verbs.laboratory.options import ARM, TWIN, paced, twin_rig
+from flexarm_bringup.verbs.laboratory.options import ARM, TWIN, paced, told_rig, twin_rig
 from flexarm_core.errors import SettingError
 from flexarm_core.outputs import OutputError
 from flexarm_core.own_files import claimed
@@ -107,8 +107,8 @@ def _commission(
     rig: RigDescription, rig_name: str, state: State, pace: Pace, namespace: str
 ) -> None:
     # They load ROS, python-control and what identifies, which a dry run does without.
+    from flexarm_bringup.runs.live_arm import live_arm  # noqa: PLC0415
     from flexarm_bringup.verbs.commissioning.commissioner import Commissioner  # noqa: PLC0415
-    from flexarm_bringup.verbs.commissioning.live_arm import live_arm  # noqa: PLC0415
     from flexarm_bringup.verbs.commissioning.results import write_results  # noqa: PLC0415
     from flexarm_bringup.verbs.health.rig import check_at_rest  # noqa: PLC0415
     from flexarm_bringup.verbs.offline.servo import write_servo  # noqa: PLC0415
@@ -123,7 +123,7 @@ def _commission(
         state.note("check", {"outputs": list(rig.output_names)})
     bags = out / "bags"
     bags.mkdir(exist_ok=True)
-    with live_arm(rig, rig_name, bags.absolute(), pace=pace, namespace=namespace) as arm:
+    with live_arm(rig, told_rig(rig_name), bags.absolute(), pace=pace, namespace=namespace) as arm:
         commissioner = Commissioner(arm, rig, state)
         results, design = commissioner.run()
         write_servo(design, [results.name], out / "servo")

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.runs.live_arm import answers_to_pulses
 from flexarm_control.commissioning.answers import (
     ArmFaultError,
     accuracy,
     friction_levels,
-    judge_pulses,
-    require_all_answer,
     soft_loop,
 )
 from flexarm_control.commissioning.programme import PARTS, PERIOD_S, RAMP_S, Programme
@@ -29,9 +28,9 @@ from flexarm_ident.job import identify_bags
 from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
+    from collections.abc import Sequence
 
+    from flexarm_bringup.runs.live_arm import Arm
     from flexarm_bringup.verbs.commissioning.state import State
     from flexarm_control.commissioning.answers import Friction, PulseAnswer, SoftLoop
     from flexarm_control.commissioning.programme import Measurement
@@ -48,27 +47,6 @@ MODELS_FOLDER = "models"
 _GROWS = 1.2
 # Part of the travel that a step covers at most: to either side of the middle.
 _MOST_STEP = 0.5
-
-
-class Arm(Protocol):
-    """Where measurements are made; `delay_s` is the delay of its loop, s."""
-
-    delay_s: float
-
-    def bag(self, name: str) -> Path:
-        """Return the place of a bag."""
-
-    def measured(self, wanted: Measurement) -> IoData:
-        """Return the record of a measurement, which is made unless its bag is there."""
-
-    def record(self, name: str) -> IoData:
-        """Return the record in a bag."""
-
-    def forget(self, name: str) -> None:
-        """Remove a bag."""
-
-    def set_references(self, values: Mapping[str, float]) -> None:
-        """Give the controller set-points by output."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,20 +91,9 @@ class Commissioner:
 
     def answers(self) -> tuple[PulseAnswer, ...]:
         """Pulse each joint, and refuse wrong wiring, dead sensors and stuck joints."""
-        found = []
-        for number, joint in enumerate(self._rig.joints):
-            terminal.step(f"Pulses on {joint.input}, growing until {joint.angle} moves")
-            record = self._arm.measured(self._programme.pulses(number))
-            answer = judge_pulses(record, self._rig, joint)
-            units = self._rig.output(joint.angle).unit, self._rig.input(joint.input).unit
-            terminal.CONSOLE.print(
-                f"  {joint.angle} moves by {answer.way:.3g} {units[0]} at {answer.height:.3g} "
-                f"{units[1]}: {answer.gain:.3g} {units[0]}/s² for 1 {units[1]} at least"
-            )
-            found.append(answer)
-        require_all_answer(found, self._rig)
+        found = answers_to_pulses(self._arm, self._rig)
         self._state.note("pulses", [each._asdict() for each in found])
-        return tuple(found)
+        return found
 
     def friction(self, loop: SoftLoop) -> tuple[Friction, ...]:
         """Move all joints slowly in the soft loop."""

@@ -68,7 +68,7 @@ def _run_options(function: Callable[..., None]) -> Callable[..., None]:
     "experiment B_dat9 --fast --seed 7",
     "experiment C_dat3 --payload 200g",
     "experiment O_dat2 --params-file rig.yaml",
-    "experiment O_dat9 --rig my_arm.yaml",
+    "experiment C_dat3 --rig my_arm.yaml",
 )
 def experiment(names: tuple[str, ...], **settings: Any) -> None:  # noqa: ANN401
     """Run experiments of the thesis, a bag for each.
@@ -76,7 +76,8 @@ def experiment(names: tuple[str, ...], **settings: Any) -> None:  # noqa: ANN401
     The simulated arm's time follows the wall clock and waits for a machine that is late: no sample
     is lost. A board runs in real time.
 
-    Another arm has those in open loop, at its own rate: the limits of its inputs stand for 10 V.
+    Another arm has its own rate: the limits of its inputs stand for 10 V, and its travel for
+    6.857 V. For those in closed loop (C_dat) it is pulsed first, and held by a soft position loop.
     """
     entries = [experiments.experiment(name) for name in names]
     _run(entries, settings)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from collections import Counter
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,11 +15,14 @@ import numpy as np
 from flexarm_bags.check import check_bag
 from flexarm_bags.metadata import BAG_FILES
 from flexarm_bringup.console import terminal
-from flexarm_bringup.graph.laboratory import recorded_topics, running_graph
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.runs.live_arm import LiveArm, answers_to_pulses, live_arm
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
 from flexarm_bringup.verbs.laboratory.options import USUAL_RIG, told_rig
+from flexarm_control.commissioning.answers import soft_loop
+from flexarm_control.joint_laws import require_known_outputs
+from flexarm_control.laws.registry import LAWS
 from flexarm_core.channels import is_thesis_arm
 from flexarm_core.errors import reason
 from flexarm_core.outputs import require_folder
@@ -28,7 +33,6 @@ from flexarm_ident.provenance import samples_hash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.runs.pace import Pace
@@ -38,7 +42,6 @@ if TYPE_CHECKING:
     from flexarm_daq.experiments.catalogue import Experiment
 
 MANIFEST = "experiments.json"
-_NODES = ("recorder", "controller", "experiment", "daq")
 
 
 @dataclass(frozen=True)
@@ -92,34 +95,30 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     if settings.payload_kg and not is_thesis_arm(rig):
         raise LaunchError(f"--payload loads the thesis's arm, and {rig.name} is another")
     entries = [on_rig(each, rig) for each in entries]
+    # Of another arm it is asked for by those in closed loop alone: not every rig has joints.
+    with_controller = is_thesis_arm(rig) or any(each.closed_loop for each in entries)
+    if with_controller and not is_thesis_arm(rig):
+        require_known_outputs(LAWS["pd"], rig)
     folder = settings.folder.absolute()
     _make_room(folder, entries, overwrite=settings.overwrite)
-    settings.pace.prepare()
-    told = told_rig(settings.rig)
-    parameters: dict[str, dict[str, Any]] = {
-        "daq": settings.pace.parameters() | {"seed": settings.seed} | told,
-        "experiment": told,
-    }
-    nodes: tuple[str, ...] = _NODES
-    if not is_thesis_arm(rig):
-        # No law of the controller suits every rig.
-        nodes = tuple(each for each in _NODES if each != "controller")
-        parameters["daq"]["rate_hz"] = rig.rate_hz
-        parameters["recorder"] = {"topics": recorded_topics(is_thesis=False)}
-    log = folder / "nodes.log"
     # A record is settled when the recorder has closed it: after the graph.
     with (
         ExitStack() as records,
-        running_graph(
-            parameters,
-            log,
-            nodes=nodes,
-            files=settings.parameter_files,
+        live_arm(
+            rig,
+            told_rig(settings.rig),
+            folder,
+            pace=settings.pace,
             namespace=settings.namespace,
-        ) as (operator, _),
+            seed=settings.seed,
+            files=settings.parameter_files,
+            with_controller=with_controller,
+        ) as arm,
     ):
+        operator = arm.operator
+        entries = _with_gains(entries, rig, operator, folder)
         for number, entry in enumerate(entries, start=1):
-            words = f"{entry.input_text}, {entry.samples} samples at {entry.rate_hz:g} Hz"
+            words = f"{entry.input_text_on(rig)}, {entry.samples} samples at {entry.rate_hz:g} Hz"
             terminal.step(f"{number} of {len(entries)}: {entry.name}, {words}")
             bag = folder / entry.name
             record = records.enter_context(new_record(bag))
@@ -134,6 +133,24 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
             _show_extent(recorded, rig)
     count = len(entries)
     terminal.step(f"{count} bag{'s' * (count != 1)} in {settings.folder}, described in {MANIFEST}")
+
+
+def _with_gains(
+    entries: Sequence[Experiment], rig: RigDescription, operator: Operator, folder: Path
+) -> Sequence[Experiment]:
+    """Give the laws of another arm the gains of a soft position loop, from its answers to pulses.
+
+    Raises
+    ------
+    ArmFaultError
+        When a joint does not answer as the description says.
+    """
+    if is_thesis_arm(rig) or not any(each.closed_loop for each in entries):
+        return entries
+    with TemporaryDirectory(dir=folder, prefix="pulses_") as place:
+        answers = answers_to_pulses(LiveArm(operator, rig, Path(place)), rig)
+    gains = soft_loop(answers, rig)._asdict()
+    return [replace(each, gains=gains) if each.closed_loop else each for each in entries]
 
 
 def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) -> None:

@@ -67,7 +67,7 @@ def test_overwriting___folder_with_something_else___is_refused_by_its_name(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("C_dat3",), "its law is one of the thesis's arm"),
+        (("R_dat1",), "its law is one of the thesis's arm"),
         (("B_dat1", "--payload", "0.2"), "--payload loads the thesis's arm"),
     ],
 )

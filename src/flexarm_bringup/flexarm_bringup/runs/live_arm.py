@@ -1,16 +1,17 @@
-"""Arm of a commissioning on its nodes: each measurement is a bag, and none is made twice."""
+"""Arm on its nodes: each measurement is a bag, and none is made twice."""
 
 from __future__ import annotations
 
 import shutil
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import recorded_topics, running_graph
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
-from flexarm_bringup.verbs.laboratory.options import told_rig
+from flexarm_control.commissioning.answers import judge_pulses, require_all_answer
+from flexarm_control.commissioning.programme import Programme
 from flexarm_core.channels import is_thesis_arm
 from flexarm_ident.reading.read import read_bag
 
@@ -20,11 +21,33 @@ if TYPE_CHECKING:
 
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.runs.pace import Pace
+    from flexarm_control.commissioning.answers import PulseAnswer
     from flexarm_control.commissioning.programme import Measurement
     from flexarm_core.rig_description import RigDescription
     from flexarm_ident.records.iodata import IoData
 
 _NODES = ("recorder", "controller", "experiment", "daq")
+
+
+class Arm(Protocol):
+    """Where measurements are made; `delay_s` is the delay of its loop, s."""
+
+    delay_s: float
+
+    def bag(self, name: str) -> Path:
+        """Return the place of a bag."""
+
+    def measured(self, wanted: Measurement) -> IoData:
+        """Return the record of a measurement, which is made unless its bag is there."""
+
+    def record(self, name: str) -> IoData:
+        """Return the record in a bag."""
+
+    def forget(self, name: str) -> None:
+        """Remove a bag."""
+
+    def set_references(self, values: Mapping[str, float]) -> None:
+        """Give the controller set-points by output."""
 
 
 class LiveArm:
@@ -41,12 +64,14 @@ class LiveArm:
 
     Attributes
     ----------
+    operator : Operator
+        Operator of the graph.
     delay_s : float
         Delay of the loop in the last run, s; 0 in virtual time, which waits for each command.
     """
 
     def __init__(self, operator: Operator, rig: RigDescription, folder: Path) -> None:
-        self._operator = operator
+        self.operator = operator
         self._rig = rig
         self._folder = folder
         self.delay_s = 0.0
@@ -69,11 +94,11 @@ class LiveArm:
             return self.record(wanted.name)
         # One that was killed left it: its part is of no use here.
         shutil.rmtree(workplace(bag), ignore_errors=True)
-        self._operator.set_parameters(wanted.commander, wanted.parameters)
+        self.operator.set_parameters(wanted.commander, wanted.parameters)
         samples = round(wanted.length_s * self._rig.rate_hz)
         with new_record(bag) as record:
             recorded = record_run(
-                self._operator, wanted.commander, record, samples, text=wanted.name, bag=bag
+                self.operator, wanted.commander, record, samples, text=wanted.name, bag=bag
             )
         self.delay_s = 0.0 if recorded.lockstep else recorded.run.reply_s
         return recorded.reading.data
@@ -95,40 +120,75 @@ class LiveArm:
             When one is refused.
         """
         for output, value in values.items():
-            self._operator.set_reference(value, output)
+            self.operator.set_reference(value, output)
 
 
 @contextmanager
 def live_arm(
-    rig: RigDescription, rig_name: str, folder: Path, *, pace: Pace, namespace: str
+    rig: RigDescription,
+    told: Mapping[str, Any],
+    folder: Path,
+    *,
+    pace: Pace,
+    namespace: str,
+    seed: int = 0,
+    files: tuple[Path, ...] = (),
+    with_controller: bool = True,
 ) -> Iterator[LiveArm]:
-    """Start the nodes of an arm, and stop them with the drives at rest.
+    """Start the nodes that excite an arm and record it, and stop them with the drives at rest.
 
     Parameters
     ----------
     rig : RigDescription
         The arm.
-    rig_name : str
-        Its name, or its file.
+    told : mapping of str to value
+        Parameters of the nodes that tell the arm.
     folder : Path
         Folder of the bags and of the nodes' log.
     pace : Pace
         Wall clock, fast or hard real time.
     namespace : str
         Namespace of the nodes.
+    seed : int
+        Seed of the noise of a simulated arm; 0: that of its description.
+    files : tuple of Path
+        As for `running_graph`.
+    with_controller : bool
+        Whether a law is to move the joints, which not every rig has.
     """
     pace.prepare()
-    named = told_rig(rig_name)
-    parameters = {
-        "daq": named | {"rate_hz": rig.rate_hz} | pace.parameters(),
-        "controller": named | {"law": "pd"},
-        "experiment": named,
-        "recorder": {"topics": recorded_topics(is_thesis=is_thesis_arm(rig))},
+    parameters: dict[str, dict[str, Any]] = {
+        "daq": {"rate_hz": rig.rate_hz, "seed": seed, **pace.parameters(), **told},
+        "experiment": dict(told),
+        "controller": dict(told),
     }
+    if not is_thesis_arm(rig):
+        parameters["controller"]["law"] = "pd"
+        parameters["recorder"] = {"topics": recorded_topics(is_thesis=False)}
+    nodes = [each for each in _NODES if with_controller or each != "controller"]
     with running_graph(
-        parameters,
-        folder / "nodes.log",
-        nodes=_NODES,
-        namespace=namespace,
+        parameters, folder / "nodes.log", nodes=nodes, files=files, namespace=namespace
     ) as (operator, _):
         yield LiveArm(operator, rig, folder)
+
+
+def answers_to_pulses(arm: Arm, rig: RigDescription) -> tuple[PulseAnswer, ...]:
+    """Pulse each joint, and print and return how it answers.
+
+    Raises
+    ------
+    ArmFaultError
+        For wrong wiring, a dead sensor or a stuck joint.
+    """
+    programme, found = Programme(rig), []
+    for number, joint in enumerate(rig.joints):
+        terminal.step(f"Pulses on {joint.input}, growing until {joint.angle} moves")
+        answer = judge_pulses(arm.measured(programme.pulses(number)), rig, joint)
+        units = rig.output(joint.angle).unit, rig.input(joint.input).unit
+        terminal.CONSOLE.print(
+            f"  {joint.angle} moves by {answer.way:.3g} {units[0]} at {answer.height:.3g} "
+            f"{units[1]}: {answer.gain:.3g} {units[0]}/s² for 1 {units[1]} at least"
+        )
+        found.append(answer)
+    require_all_answer(found, rig)
+    return tuple(found)
