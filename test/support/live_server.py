@@ -10,12 +10,14 @@ import time
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from flexarm_core.errors import FlexarmError
 from flexarm_live.page_files import page_files
 from flexarm_live.serving.access import LOOPBACK
+from flexarm_live.serving.encoding import HEAD
 from flexarm_live.serving.laboratory import Answer
 from flexarm_live.serving.server import Server
 from flexarm_live.serving.web import Web
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
+    from flexarm_core.arrays import FloatArray
     from flexarm_live.graph.store import Store
     from flexarm_live.serving.requests import Request
 
@@ -169,3 +172,14 @@ def until(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
+
+
+def frame_after(page: ClientConnection, wanted: Any) -> FloatArray:  # noqa: ANN401 - any condition
+    """Return the first frame of samples for which a condition holds."""
+    while True:
+        message = page.recv(PATIENCE_S)
+        if isinstance(message, bytes):
+            _, rows, columns, _, _ = HEAD.unpack_from(message)
+            frame = np.frombuffer(message, "<f4", offset=HEAD.size).reshape(rows, columns)
+            if wanted(frame):
+                return frame

@@ -51,7 +51,7 @@ def bending_arm(outputs: int = 2, dt_s: float = DT_S) -> control.StateSpace:
     )
 
 
-def two_joints() -> control.StateSpace:
+def two_joints(dt_s: float = DT_S) -> control.StateSpace:
     """Return two coupled joints with viscous friction, each with its own motor."""
     inertia = np.array([[0.1, 0.03], [0.03, 0.05]])
     push = np.linalg.inv(inertia)
@@ -62,6 +62,7 @@ def two_joints() -> control.StateSpace:
         A.tolist(),
         B.tolist(),
         C.tolist(),
+        dt_s=dt_s,
         inputs=["torque1", "torque2"],
         outputs=["hub1", "hub2"],
     )

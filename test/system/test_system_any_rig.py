@@ -10,17 +10,20 @@ import numpy as np
 import pytest
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from websockets.sync.client import connect
 
 from flexarm_control.replaying.comparison import replay
 from flexarm_control.replaying.record import read_loop
 from flexarm_control.twin import twin_description
 from flexarm_core.rig_description import described
-from flexarm_ident import read_bag
+from flexarm_ident import identify, read_bag
 from flexarm_ident.models.files import save_model
+from flexarm_live.graph.about import columns_of
 from flexarm_msgs.msg import IoSample
-from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
-from support.servo_plants import bending_arm, two_joints
+from support.live_server import ask, frame_after
+from support.servo_plants import DT_S, bending_arm, two_joints
+from support.system_graph import ROOT
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -51,9 +54,9 @@ def one_motor() -> control.StateSpace:
     return bending_arm()
 
 
-def two_motors() -> control.StateSpace:
+def two_motors(dt_s: float = DT_S) -> control.StateSpace:
     """Return two joints with angles, rates and a sum: two inputs, five outputs."""
-    model = two_joints()
+    model = two_joints(dt_s)
     states = np.eye(4)
     rows = np.vstack([states, states[0] + states[1]])
     names = ["hub1", "hub2", "rate1", "rate2", "sum"]
@@ -81,7 +84,7 @@ def start(graph: Graph, rig: Path, daq: dict[str, Any], **controller: object) ->
     """Start the loop on a rig, up to the sampling; return the process of the controller."""
     graph.start("recorder", {"topics": TOPICS})
     process = graph.start("controller", {"rig": str(rig), "law": "pd", **controller})
-    graph.start("daq", {"rig": str(rig), "rate_hz": 500.0, **daq})
+    graph.start("daq", {"rig": str(rig), **daq})
     graph.activate_loop()
     return process
 
@@ -113,39 +116,80 @@ def test_rig___is_moved_recorded_and_replayed(
     assert (found.compared, found.differences) == (5000, ())
 
 
-def test_set_points___of_each_joint___and_a_joint_that_is_none(
-    graph: Graph, tmp_path: Path
-) -> None:
-    file, _ = rig_of(tmp_path, two_motors())
-    samples: list[IoSample] = []
+def test_up___its_page___moves_each_joint_stops_and_releases(graph: Graph, tmp_path: Path) -> None:
+    file, rig = rig_of(tmp_path, two_motors())
+    bag = tmp_path / "bag"
     told: list[str] = []
-    graph.node.create_subscription(IoSample, "io", samples.append, qos.EVERY)
     graph.node.create_subscription(
         String, "rig_description", lambda message: told.append(message.data), qos.STATUS
     )
-    start(graph, file, {"real_time_factor": 4.0})
-    assert graph.transition("daq", "activate")
+    words = ["up", "--rig", str(file), "--bag", str(bag), "--port", "0"]
+    process = graph.run([str(ROOT / "flexarm"), *words])
+    process.wait_for("#token=")
+    (address,) = (line for line in process.printed.splitlines() if line.startswith("http"))
+    places = {name: place for place, name in enumerate(columns_of(rig), start=1)}
+    angles, inputs = (
+        [places[name] for name in each] for each in (("hub1", "hub2"), rig.input_names)
+    )
+    live = address.replace("http", "ws", 1).replace("/#", "/live?")
+    with connect(live, compression=None, ping_interval=None) as page:
 
-    def ask(value: float, joint: str) -> SetReference.Response:
-        request = SetReference.Request(reference_v=value, joint=joint)
-        return graph.call(SetReference, "set_reference", request)
+        def done(**request: object) -> None:
+            reply = ask(page, **request)
+            assert reply["ok"], reply
 
-    graph.wait(lambda: len(samples) > 100, "samples")
+        # A controller that has seen where the joints are.
+        frame_after(page, lambda frame: frame[-1, inputs].all())
+        done(do="reference", joint="joint_1", value_v=0.5)
+        done(do="reference", joint="hub2", value_v=-0.25)
+        for joint, value, said in (
+            ("joint_3", 0.1, "no joint 'joint_3'"),
+            ("", 0.1, "name one"),
+            ("joint_1", 1.6, "the travel of joint_1 is -1.5 to 1.5"),
+        ):
+            assert said in ask(page, do="reference", joint=joint, value_v=value)["message"]
+        frame_after(page, lambda frame: np.allclose(frame[-1, angles], (0.5, -0.25), atol=0.02))
+        done(do="reference", joint="joint_1", value_v=-0.5)
+        frame_after(page, lambda frame: frame[-1, inputs].all())
+        done(do="stop")
+        frame_after(page, lambda frame: not frame[:, inputs].any())
+        done(do="release")
+        frame_after(page, lambda frame: frame[-1, inputs].all())
+    graph.wait(lambda: bool(told), "the description")
     assert told == [file.read_text()]
-    assert ask(0.5, "joint_1").success
-    assert ask(-0.25, "hub2").success
-    refused = ask(0.1, "joint_3")
-    assert "no joint 'joint_3'" in refused.message
-    assert "name one" in ask(0.1, "").message
-    assert "the travel of joint_1 is -1.5 to 1.5" in ask(1.6, "joint_1").message
-
-    def arrived() -> bool:
-        return np.allclose(samples[-1].outputs[:2], (0.5, -0.25), atol=0.02)
-
-    graph.wait(arrived, "both joints at their set-points")
+    process.send(signal.SIGINT)
+    assert process.exit_code() == 0, process.printed
+    found = replay(read_loop(bag))
+    assert found.compared > 1000
+    assert found.differences == ()
 
 
-@pytest.mark.parametrize("end", ["kill", "emergency stop", "sensor fault"])
+def test_experiment_in_closed_loop___of_two_motors___is_recorded_and_identified(
+    graph: Graph, tmp_path: Path
+) -> None:
+    model = two_motors(0.008)
+    file, _ = rig_of(tmp_path, model)
+    words = ["experiment", "C_dat3", "--fast", "--rig", str(file), "-o", str(tmp_path / "out")]
+    process = graph.run([str(ROOT / "flexarm"), *words])
+    assert process.exit_code() == 0, process.printed
+    bag = tmp_path / "out" / "C_dat3"
+    record = read_bag(bag)
+    assert (len(record.u), record.closed_loop) == (4999, True)
+    assert np.abs(record.u).max() <= 1.0
+    assert np.abs(record.y[:, :2]).max() < 1.5
+    assert sorted(each.name for each in bag.parent.iterdir()) == [
+        "C_dat3",
+        "experiments.json",
+        "nodes.log",
+    ]
+    at = np.exp(2j * np.pi * record.dt_s)
+    gains = np.abs(model(at)[:2])
+    found = identify(record, order=4, block_rows=20)
+    assert np.abs(np.abs(found.model(at)[:2]) - gains).max() < 0.02 * gains.max()
+    assert replay(read_loop(bag)).differences == ()
+
+
+@pytest.mark.parametrize("end", ["kill", "hang", "emergency stop", "sensor fault"])
 def test_drives___of_all_inputs___go_to_zero(graph: Graph, tmp_path: Path, end: str) -> None:
     file, _ = rig_of(tmp_path, two_motors())
     if end == "sensor fault":
@@ -161,6 +205,8 @@ def test_drives___of_all_inputs___go_to_zero(graph: Graph, tmp_path: Path, end: 
     graph.wait(lambda: any(np.abs(each.inputs).min() > 0.1 for each in samples), "both drives")
     if end == "kill":
         graph.stop(controller, signal.SIGKILL)
+    elif end == "hang":
+        controller.send(signal.SIGSTOP)
     elif end == "emergency stop":
         assert graph.call(Trigger, "emergency_stop", Trigger.Request()).success
     else:

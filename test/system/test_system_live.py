@@ -15,30 +15,15 @@ from websockets.sync.client import connect
 
 from flexarm_core.rig_description import load_rig
 from flexarm_live.graph.about import columns_of
-from flexarm_live.serving.encoding import HEAD
 from flexarm_live.terminal_socket import connect as connect_terminal
-from support.live_server import ask
+from support.live_server import ask, frame_after
 from support.system_graph import PATIENCE_S, ROOT
 
 if TYPE_CHECKING:
-    from websockets.sync.client import ClientConnection
-
-    from flexarm_core.arrays import FloatArray
     from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
 COLUMN = {name: number for number, name in enumerate(columns_of(load_rig("thesis")), start=1)}
-
-
-def frame_after(page: ClientConnection, wanted: Any) -> FloatArray:  # noqa: ANN401 - any condition
-    """Return the first frame of samples for which a condition holds."""
-    while True:
-        message = page.recv(PATIENCE_S)
-        if isinstance(message, bytes):
-            _, rows, columns, _, _ = HEAD.unpack_from(message)
-            frame = np.frombuffer(message, "<f4", offset=HEAD.size).reshape(rows, columns)
-            if wanted(frame):
-                return frame
 
 
 def test_up___its_page___shows_samples_and_drives_the_arm(

@@ -281,6 +281,11 @@ class ControllerNode(AnsweringNode):
         known = self._references or (math.nan,) * len(self._setup.tracks)
         if place is None:
             response.message = f"reference refused: {self._setup.unknown(request.joint)}"
+        elif self._references is None and len(known) > 1:
+            response.message = (
+                "reference refused: no sample has told yet where the other joints are to stay: "
+                "sample, and give it again"
+            )
         else:
             wanted = (*known[:place], request.reference_v, *known[place + 1 :])
             response.message = self._refusal(wanted)

@@ -49,7 +49,20 @@ class BoundError(FlexarmError):
 
 
 class YamlError(FlexarmError):
-    """A text is no YAML, or too much of it."""
+    """A text is no YAML, or too much of it.
+
+    Attributes
+    ----------
+    said : str
+        What is wrong, without the line.
+    line : int or None
+        Line at which it shows, from 1, if that is known.
+    """
+
+    def __init__(self, said: str, line: int | None = None) -> None:
+        kind, colon, problem = said.partition(": ")
+        super().__init__(said if line is None else f"{kind}{colon}line {line}: {problem}")
+        self.said, self.line = said, line
 
 
 def shown(value: object) -> str:
@@ -161,7 +174,8 @@ def yaml_content(text: str) -> object:
         raise
     except Exception as error:
         # The constructors of PyYAML raise almost anything on odd tags, dates and keys.
-        raise YamlError(f"no YAML: {_with_line(error)}") from error
+        said, line = _problem(error)
+        raise YamlError(f"no YAML: {said}", line) from error
 
 
 def yaml_node(text: str) -> yaml.Node | None:
@@ -173,16 +187,16 @@ def yaml_node(text: str) -> yaml.Node | None:
     return yaml.compose(text, _Loader)
 
 
-def _with_line(error: Exception) -> str:
-    """Return what is wrong with a text, the line first where it is known."""
+def _problem(error: Exception) -> tuple[str, int | None]:
+    """Return what is wrong with a text, and its line where that is known."""
     if not (isinstance(error, yaml.MarkedYAMLError) and error.problem):
-        return one_line(error)
+        return one_line(error), None
     # What lacks its end shows at the end of the text; the context is where it begins.
     mark = error.context_mark or error.problem_mark
     if mark is None:
-        return one_line(error)
+        return one_line(error), None
     context = f" ({error.context})" if error.context else ""
-    return f"line {mark.line + 1}: {error.problem}{context}"
+    return f"{error.problem}{context}", mark.line + 1
 
 
 def _require_small(text: str) -> None:

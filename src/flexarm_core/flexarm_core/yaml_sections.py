@@ -252,7 +252,8 @@ def sections_of(text: str, file: str) -> Section:
     try:
         content = yaml_content(text)
     except YamlError as error:
-        raise RigFileError(f"{file}: {error}") from None
+        place = file if error.line is None else f"{file}:{error.line}"
+        raise RigFileError(f"{place}: {error.said}") from None
     node = yaml_node(text)
     if node is None:
         raise RigFileError(f"{file}:1: is empty: `flexarm rig new NAME` writes a template")

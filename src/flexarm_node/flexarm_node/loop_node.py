@@ -56,7 +56,7 @@ class LoopNode(LifecycleNode):
     ----------
     name : str
         Node name, in the namespace `/flexarm`.
-    specs, open_group, accept, apply
+    specs, open_group, accept, apply, usual
         The node's parameters, see `Parameters`.
     expected : tuple of type
         Errors with a complete message. Others are reported with their place in the code.
@@ -72,6 +72,7 @@ class LoopNode(LifecycleNode):
         open_group: str = "",
         accept: Callable[[Mapping[str, Any]], object] | None = None,
         apply: Callable[[Mapping[str, Any]], None] | None = None,
+        usual: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None,
         expected: tuple[type[Exception], ...] = (),
         cli_args: Sequence[str] = (),
     ) -> None:
@@ -87,6 +88,7 @@ class LoopNode(LifecycleNode):
             open_group=open_group,
             accept=accept,
             apply=apply,
+            usual=usual,
         )
         self._expected = expected
         self._trouble = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import (
@@ -78,6 +79,8 @@ class Parameters:
         from it refuses the whole change with that line. It must not act on the values.
     apply : callable, optional
         Called with the complete set after a change was accepted, and not at the start.
+    usual : callable, optional
+        Called with the values that are given at the start; returns defaults that follow from them.
 
     Raises
     ------
@@ -94,6 +97,7 @@ class Parameters:
         open_group: str = "",
         accept: Callable[[Mapping[str, Any]], object] | None = None,
         apply: Callable[[Mapping[str, Any]], None] | None = None,
+        usual: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None,
     ) -> None:
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
@@ -101,8 +105,10 @@ class Parameters:
         self._accept = accept
         self._apply = apply
         self._restore_words()
+        given = {name: each.value for name, each in self._overrides().items()}
+        own = usual(given) if usual else {}
         for spec in specs:
-            self._declare(spec)
+            self._declare(replace(spec, default=own.get(spec.name, spec.default)))
         self._declare_open()
         self._refuse_unknown()
         name = node.get_fully_qualified_name()

@@ -184,6 +184,11 @@ BAD = {
         "unit: rad, range: 1.5}",
         15,
     ),
+    "no YAML: did not find expected ',' or '}' (while parsing a flow mapping)": (
+        "unit: rad}",
+        "unit: rad",
+        9,
+    ),
     "joints.elbow.angle = 'elbow_rad' is not known": ("unit: rad}", "unit: rad, absent: true}", 15),
 }
 

@@ -158,7 +158,7 @@ def live_arm(
     """
     pace.prepare()
     parameters: dict[str, dict[str, Any]] = {
-        "daq": {"rate_hz": rig.rate_hz, "seed": seed, **pace.parameters(), **told},
+        "daq": {"seed": seed, **pace.parameters(), **told},
         "experiment": dict(told),
         "controller": dict(told),
     }

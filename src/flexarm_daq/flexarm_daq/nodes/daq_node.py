@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from flexarm_core.channels import CHANNEL_NAMES, INPUT_RANGE_V, MAX_COMMAND_V, is_thesis_arm
 from flexarm_core.errors import SettingError
+from flexarm_core.rig_description import SHORT_NAMES, load_rig
 from flexarm_core.tables import defaults, read_table
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.commander import Verdict
@@ -92,6 +93,7 @@ class DaqNode(LoopNode):
             PARAMETERS,
             accept=self._accept,
             apply=self._on_changed,
+            usual=_usual,
             expected=(RigError,),
             cli_args=cli_args,
         )
@@ -218,6 +220,12 @@ class DaqNode(LoopNode):
                     self.description.inputs, acquisition.applied.commands, strict=True
                 )
             },
+            **{
+                sensor.name: sensor.text(value)
+                for sensor, value in zip(
+                    self.description.outputs, self._link.newest_outputs, strict=False
+                )
+            },
             "last sample s": stamp_text(self._link.newest_ns),
             "samples": acquisition.taken,
             "rate Hz": f"{rate_hz:.1f}",
@@ -291,6 +299,12 @@ class DaqNode(LoopNode):
         self.get_logger().warning("emergency stop")
         response.message = "the drive is held at zero until the node is deactivated"
         return response
+
+
+def _usual(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the rate that the description of another rig than the thesis's says."""
+    rig = str(given.get("rig", "simulated"))
+    return {} if rig in SHORT_NAMES else {"rate_hz": load_rig(rig).rate_hz}
 
 
 def _checked_rig(values: Mapping[str, Any]) -> Rig:

@@ -48,6 +48,8 @@ class TopicLink:
     ----------
     newest_ns : int
         Stamp of the newest sample of the run, ns; 0 before the first.
+    newest_outputs : tuple of float
+        Its outputs; empty before the first.
     """
 
     def __init__(self, node: LoopNode, handover: DirectHandover | None = None) -> None:
@@ -76,6 +78,7 @@ class TopicLink:
         self._joint_every = 1
         self._start_ns = 0
         self.newest_ns = 0
+        self.newest_outputs: tuple[float, ...] = ()
         self._unsent: tuple[Sample, Record] | None = None
         self._is_others_turn = False
         self._virtual = False
@@ -84,6 +87,7 @@ class TopicLink:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
         self._virtual = virtual
         self.newest_ns = 0
+        self.newest_outputs = ()
         self._tell_rig()
         if not (virtual and clock):
             self._release_clock()
@@ -116,6 +120,7 @@ class TopicLink:
             record.compensations,
             record.command_sequence,
         )
+        self.newest_outputs = sample.outputs
         if self._handover is None or not self._handover.answers:
             self._send(sample, record)
             return

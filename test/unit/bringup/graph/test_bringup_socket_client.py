@@ -174,6 +174,16 @@ def test_reference___is_in_the_unit_of_the_running_rig_or_has_its_own(
     assert up.asked[-1].get("joint", "") == "".join(words[:-1])
 
 
+@pytest.mark.usefixtures("up")
+def test_reference___that_is_no_number___is_told_as_the_set_point_of_its_joint(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(f"{__name__}.PARAMS", [{"name": "rig", "value": "mujoco-two-link"}])
+    done = CliRunner().invoke(remote.reference, ["elbow", "200", "--namespace", ARM])
+    assert done.exit_code == 2
+    assert "Invalid value for set-point of elbow: " in done.output
+
+
 @pytest.mark.parametrize(
     ("values", "motion"),
     [

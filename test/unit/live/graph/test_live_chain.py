@@ -132,6 +132,13 @@ def test_experiment_of_another_arm___has_its_length_at_the_rate_of_the_arm(tmp_p
     assert back == ({}, 0)
 
 
+def test_experiment_in_closed_loop___of_another_arm___is_left_to_the_verb(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, rig=ONE_JOINT)
+    with pytest.raises(FlexarmError, match="C_dat3 needs gains of one-joint, which `flexarm exp"):
+        bench.run("C_dat3")
+    assert bench.loop.done == []
+
+
 @pytest.mark.parametrize("name", ["O_dat4", "C_dat3"])
 def test_experiment___stopped___keeps_its_record_and_the_drive_held(
     name: str, tmp_path: Path

@@ -15,7 +15,6 @@ from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.commissioning.state import State
 from flexarm_bringup.verbs.laboratory.options import ARM, TWIN, paced, told_rig, twin_rig
-from flexarm_core.errors import SettingError
 from flexarm_core.outputs import OutputError
 from flexarm_core.own_files import claimed
 from flexarm_core.rig_description import load_rig
@@ -76,11 +75,11 @@ def commission(
         rig = twin_rig(twin)
     assert rig is not None  # noqa: S101 - one of both is given
     description = load_rig(rig)
-    if not description.joints:
-        raise SettingError(
-            f"rig {description.name} has no joints: name them in its description, with the inputs "
-            "that drive them"
-        )
+    # They load the laws, which help does without.
+    from flexarm_control.joint_laws import require_known_outputs  # noqa: PLC0415
+    from flexarm_control.laws.registry import LAWS  # noqa: PLC0415
+
+    require_known_outputs(LAWS["pd"], description)
     if dry_run:
         _show_programme(description)
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from importlib.resources import files
 from pathlib import Path
@@ -25,7 +26,7 @@ from flexarm_core.rig_description import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from flexarm_core.rig_description import Output, RigDescription
+    from flexarm_core.rig_description import Joint, Output, RigDescription
     from flexarm_daq.drivers.at_rest import RestReading
 
 _READ_S = 2.0
@@ -140,11 +141,20 @@ def _summary(rig: RigDescription) -> str:
     lines += [
         f"  joint {each.name}: {each.input} turns {each.angle}, {each.low:g} to {each.high:g} "
         f"{rig.output(each.angle).unit}{_in_si(each.low, each.high, rig.output(each.angle))}"
+        f"{_turns(each, rig)}"
         for each in rig.joints
     ]
-    return "\n".join(
-        [*lines, f"  tracked: {', '.join(rig.tracked) or 'nothing, there is no joint'}"]
-    )
+    if not rig.joints:
+        lines.append("  no joints: pd, pi, commission and C_dat need them, and the page's handles")
+    return "\n".join([*lines, f"  tracked: {', '.join(rig.tracked) or 'nothing'}"])
+
+
+def _turns(joint: Joint, rig: RigDescription) -> str:
+    """Return a travel in turns, which show at a glance whether it was written in another unit."""
+    angle = rig.output(joint.angle)
+    if angle.quantity != "angle":
+        return ""
+    return f", {angle.to_si(joint.high - joint.low) / math.tau:.3g} turns in all"
 
 
 def _in_si(low: float, high: float, channel: object) -> str:

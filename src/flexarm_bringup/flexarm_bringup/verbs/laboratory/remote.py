@@ -108,7 +108,12 @@ def reference(words: tuple[str, ...], namespace: str) -> None:
 
     def give(arm: ArmClient) -> tuple[SetPoint, str]:
         kind, unit = _set_point_kind(arm, joint)
-        value: float = kind.convert(text, context.command.params[0], context)
+        try:
+            value: float = kind.convert(text, None, context)
+        except click.BadParameter as error:
+            raise click.BadParameter(
+                error.message, context, param_hint=f"set-point{f' of {joint}' if joint else ''}"
+            ) from None
         return arm.reference(value, joint), unit
 
     in_force, unit = through(namespace, give)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -11,21 +12,27 @@ import pytest
 from click.testing import CliRunner
 
 from flexarm_bringup.cli import main
+from flexarm_bringup.runs.live_arm import answers_to_pulses
 from flexarm_bringup.verbs.commissioning.commissioner import Commissioner
 from flexarm_bringup.verbs.commissioning.results import write_results
 from flexarm_bringup.verbs.commissioning.state import State, StateError
 from flexarm_bringup.verbs.offline.servo import write_servo
 from flexarm_control import load_controller
-from flexarm_control.commissioning.programme import PARTS, Programme
+from flexarm_control.commissioning.answers import soft_loop
+from flexarm_control.commissioning.programme import PARTS, Measurement, Programme
 from flexarm_control.twin import TwinRig, twin_description
 from flexarm_core.errors import SettingError
 from flexarm_core.rig_description import described, load_rig
+from flexarm_daq.experiments.catalogue import experiment, on_rig
+from flexarm_ident import identify
 from flexarm_ident.models.files import save_model
 from support.direct_arm import DirectArm
-from support.servo_plants import bending_arm
+from support.servo_plants import bending_arm, two_joints
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    import control
 
     from flexarm_bringup.verbs.commissioning.commissioner import Steps
     from flexarm_core.rig_description import RigDescription
@@ -35,16 +42,16 @@ STAGES = ["pulses_joint_1", "friction", "part_1", "hold", "step"]
 DEATHS = ["pulses_joint_1", "friction", "part_1", "step", ""]
 
 
-def bending_rig(folder: Path) -> RigDescription:
-    """Return the description of the twin of an arm that bends."""
+def twin_rig(folder: Path, model: control.StateSpace) -> RigDescription:
+    """Return the description of the twin of a model."""
     ends = {
-        "input_low": [-1.0],
-        "input_high": [1.0],
-        "output_low": [-1.0, -1.0],
-        "output_high": [1.0, 1.0],
-        "noise_sd": [1e-3, 1e-3],
+        "input_low": [-1.0] * model.ninputs,
+        "input_high": [1.0] * model.ninputs,
+        "output_low": [-1.0] * model.noutputs,
+        "output_high": [1.0] * model.noutputs,
+        "noise_sd": [1e-3] * model.noutputs,
     }
-    save_model(folder / "model.yaml", bending_arm(), name="arm", provenance=ends)
+    save_model(folder / "model.yaml", model, name="arm", provenance=ends)
     return described(twin_description(folder / "model.yaml"))
 
 
@@ -60,7 +67,7 @@ def commissioned(arm: DirectArm, state: State) -> Steps:
 
 @pytest.mark.slow
 def test_unknown_arm___interrupted_in_every_stage___ends_in_its_controller(tmp_path: Path) -> None:
-    rig = bending_rig(tmp_path)
+    rig = twin_rig(tmp_path, bending_arm())
     driver = TwinRig("model.yaml", [1e-3, 1e-3], rig=rig, folder=tmp_path)
     runs: list[str] = []
     for dies_in in DEATHS:
@@ -98,7 +105,7 @@ def test_best_model_without_a_margin___is_followed_by_the_next(
 ) -> None:
     found = {name: {"bags": [name]} for name in ("part_1", "part_2", "part_3")}
     state = State(tmp_path, {"rig": "", "goal": 0.05}, found)
-    rig = bending_rig(tmp_path)
+    rig = twin_rig(tmp_path, bending_arm())
     arm = DirectArm(rig, TwinRig("model.yaml", rig=rig, folder=tmp_path), tmp_path)
     commissioner = Commissioner(arm, rig, state)
     margins: dict[str, float | None] = {"part_3": None, "part_1": 0.4, "part_2": 0.6}
@@ -120,6 +127,32 @@ def test_best_model_without_a_margin___is_followed_by_the_next(
         commissioner.designed(names)
 
 
+@pytest.mark.parametrize(
+    "model", [bending_arm(dt_s=0.008), two_joints(0.008)], ids=["one motor", "two motors"]
+)
+def test_closed_loop_experiment___of_an_arm_that_was_pulsed___keeps_its_travel_and_finds_its_model(
+    tmp_path: Path, model: control.StateSpace
+) -> None:
+    rig = twin_rig(tmp_path, model)
+    arm = DirectArm(rig, TwinRig(**rig.settings, rig=rig, folder=tmp_path), tmp_path)
+    entry = on_rig(experiment("C_dat2"), rig)
+    gains = soft_loop(answers_to_pulses(arm, rig), rig)._asdict()
+    parameters = replace(entry, gains=gains).commander_parameters(seed=1)
+    record = arm.measured(
+        Measurement("C_dat2", "controller", parameters, entry.samples / entry.rate_hz)
+    )
+    angles = [rig.output_names.index(joint.angle) for joint in rig.joints]
+    # 3 V of 6.857 V, of a travel of 1.5, and what a damping of 0.4 overshoots by.
+    assert np.abs(record.y[:, angles]).max(axis=0).min() > 0.6
+    assert np.abs(record.y[:, angles]).max() < 1.5
+    found = identify(record, order=4, block_rows=20)
+    at = np.exp(2j * np.pi * 1.0 * record.dt_s)
+    expected = np.abs(model(at)[angles])
+    error = np.abs(np.abs(found.model(at)[angles]) - expected).max()
+    # Of two joints with the same square waves it is half of it.
+    assert error < 0.02 * expected.max()
+
+
 def test_folder_of_another_arm___is_refused(tmp_path: Path) -> None:
     State.of(tmp_path, {"rig": "one", "goal": 0.05}).note("pulses", [])
 
@@ -132,7 +165,7 @@ def test_folder_of_another_arm___is_refused(tmp_path: Path) -> None:
 
 
 def test_growth___ends_at_the_travel(tmp_path: Path) -> None:
-    rig = bending_rig(tmp_path)
+    rig = twin_rig(tmp_path, bending_arm())
     programme = Programme(rig)
     arm = DirectArm(rig, TwinRig("model.yaml", rig=rig, folder=tmp_path), tmp_path)
     record = arm.measured(programme.pulses(0))
@@ -157,6 +190,36 @@ def test_dry_run___tells_stages_limits_and_times_and_leaves_nothing(tmp_path: Pa
     # Five minutes of arm time are enough.
     assert total <= 300.0
     assert f"up to {PARTS} times" in " ".join(found.output.split())
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("{unit: N m, limits: 1}", "{unit: N m, limits: [-1, 0]}", "rests at 0 N m, an end of its"),
+        (
+            "joints: {hip: {input: motor, angle: hub, travel: 1}}",
+            "joints: {}",
+            "has none: name them in its description",
+        ),
+    ],
+)
+def test_arm___that_cannot_be_held_in_a_soft_loop___is_refused_before_anything_runs(
+    tmp_path: Path, before: str, after: str, said: str
+) -> None:
+    text = (
+        "name: mine\nrate_hz: 100\ninputs: {motor: {unit: N m, limits: 1}}\n"
+        "outputs: {hub: {quantity: angle, unit: rad}}\n"
+        "joints: {hip: {input: motor, angle: hub, travel: 1}}\ndriver: twin\n"
+    )
+    assert text.count(before) == 1
+    (tmp_path / "mine.yaml").write_text(text.replace(before, after))
+    out = str(tmp_path / "out")
+    arm = str(tmp_path / "mine.yaml")
+    for words in (["commission", "--dry-run"], ["commission"], ["experiment", "C_dat3"]):
+        found = CliRunner().invoke(main, [*words, "--rig", arm, "-o", out])
+        assert (found.exit_code, found.output.count("\n")) == (1, 1)
+        assert said in found.output
     assert not (tmp_path / "out").exists()
 
 
