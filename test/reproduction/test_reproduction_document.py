@@ -3,19 +3,27 @@ from __future__ import annotations
 import doctest
 import re
 import xml.etree.ElementTree as ET
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+import yaml
 
 from reproduction.chapter2 import tables
-from reproduction.framework import findings
+from reproduction.framework import document, findings
 from reproduction.framework.computing import Outcome
 from reproduction.framework.document import write_document
 from reproduction.framework.findings import Finding, Plot, SideBySide, Subject
-from reproduction.framework.verdicts import Judgement, Verdict, elsewhere
+from reproduction.framework.verdicts import (
+    Beside,
+    Judgement,
+    Statement,
+    Verdict,
+    elsewhere,
+    judged,
+)
 
 if TYPE_CHECKING:
-    from pathlib import Path
     from types import ModuleType
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path d="M0 0"/></svg>'
@@ -29,6 +37,10 @@ def outcome(key: str, verdict: Verdict = Verdict.AGREES, plots: int = 0) -> Outc
         plots=[Plot(f'curve "{k}" <b>', SVG) for k in range(plots)],
         text=("What was *done*.",),
     )
+    return of(key, finding)
+
+
+def of(key: str, finding: Finding) -> Outcome:
     return Outcome(Subject(key, f"Title | of {key}", (), lambda _: finding), finding)
 
 
@@ -84,6 +96,54 @@ def test_write_document___index___counts_the_verdicts_and_links_to_every_section
         assert f'<a id="{anchor}"></a>' in (tmp_path / page).read_text("utf-8")
 
 
+def test_write_document___index___tells_the_parts_of_each_subject_and_of_each_page(
+    tmp_path: Path,
+) -> None:
+    thesis = (1.0, 2.0, 4.0, 8.0)
+    near, far, level = (
+        Beside("errors", thesis, thesis),
+        Beside("errors", thesis, (1.0, 9.0, 9.0, 9.0)),
+        Beside("errors", (3.0, 3.1), (3.1, 3.0)),
+    )
+    holds, is_open, is_reversed = (
+        Statement(words, *chances)
+        for words, chances in (("a", (0.01, 1.0)), ("b", (0.5, 0.5)), ("c", (1.0, 0.01)))
+    )
+    parts = {
+        "table-2-1": ([near, far], [holds, is_open]),
+        "claim-2-1": ([level], [holds, is_open, is_reversed]),
+        # As in the earlier edition.
+        "claim-2-7": ([], [is_reversed]),
+    }
+    outcomes = [
+        of(key, Finding(judged(figures=figures, statements=statements)))
+        for key, (figures, statements) in parts.items()
+    ]
+    write_document(outcomes, tmp_path, complete=True)
+    index = (tmp_path / "index.md").read_text("utf-8")
+    rows = [cells(line) for line in index.splitlines() if line.startswith("|")]
+    shown = {row[0].partition("]")[0][1:]: row[2:4] for row in rows if len(row) == 5}
+    assert shown["table-2-1"] == ["4 of 4; 2 of 4", "1 of 2"]
+    assert shown["claim-2-1"] == ["2 of 2, no nearer than a constant", "1 of 3, 1 reversed"]
+    assert ["all", "1 of 3 kinds", "2", "2", "2"] in rows
+    moved = {row[0]: row[1:] for row in rows if len(row) == 4}
+    assert moved["claim-2-1"][-1].endswith("conclusions: 1 of 3, 1 reversed (b; c)")
+    assert moved["choice-2-1"][1] == "left out"
+    assert moved["table-2-1"][:2] == ["differs", "partly"]
+    assert "claim-2-7" not in moved
+
+
+def test_write_document___earlier_edition___is_counted_whole(tmp_path: Path) -> None:
+    write_document(OUTCOMES, tmp_path, complete=True)
+    rows = map(cells, (tmp_path / "index.md").read_text("utf-8").splitlines())
+    (earlier,) = (row for row in rows if row and row[0].startswith("earlier edition"))
+    kinds = yaml.safe_load((Path(document.__file__).with_name("earlier.yaml")).read_text("utf-8"))
+    assert sum(map(int, earlier[1:])) == sum(map(len, kinds.values()))
+    counts = dict(zip(Verdict, map(int, earlier[1:]), strict=True))
+    assert counts[Verdict.SAME_CONCLUSIONS] == len(kinds["same ranking"])
+    assert counts[Verdict.DIFFERS] == len(kinds["differs"])
+
+
 def test_write_document___awkward_text___stays_in_its_cell(tmp_path: Path) -> None:
     write_document(OUTCOMES, tmp_path, complete=True)
     page = (tmp_path / "appendices.md").read_text("utf-8")
@@ -131,8 +191,7 @@ def test_write_document___failed_subject___is_left_out(tmp_path: Path) -> None:
 
 def test_write_document___verdict_that_another_subject_has___keeps_its_name(tmp_path: Path) -> None:
     finding = Finding(elsewhere("table-3-1b", "Nothing runs away. The errors are judged in"))
-    moved = Outcome(Subject("figure-3-3", "Data matching", (), lambda _: finding), finding)
-    write_document([moved], tmp_path, complete=True)
+    write_document([of("figure-3-3", finding)], tmp_path, complete=True)
     index = (tmp_path / "index.md").read_text("utf-8").splitlines()
     assert "| figure-3-3 | differs | see elsewhere | The errors are judged in table-3-1b |" in index
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from reproduction.framework.verdicts import (
     Verdict,
     all_of,
     always,
+    exactly,
     judged,
     less,
     mostly,
@@ -22,6 +24,9 @@ from reproduction.framework.verdicts import (
     sign_test,
 )
 from support.project import PROJECT
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 THESIS = (0.1, 0.2, 0.4, 0.8)
 NEAR = Beside("errors", THESIS, (0.11, 0.19, 0.42, 0.75))
@@ -56,6 +61,9 @@ def test_judged___parts___make_the_verdict(
     found = judged(figures=figures, statements=statements, reason="The reason.")
     assert found.verdict is verdict
     assert ("The reason." in found.because) == (verdict in (Verdict.PARTLY, Verdict.DIFFERS))
+    if statements:
+        held = statements.count(HOLDS)
+        assert f"Conclusions, {held} of {len(statements)}: " in found.because
 
 
 POSITIVE = st.floats(1e-3, 1e3)
@@ -101,11 +109,34 @@ def test_beside___most_within_the_band___are_nine_in_ten_or_all_of_fewer(
     assert Beside("errors", (1.0,) * number, ours).is_near is near
 
 
+def test_beside___band___is_a_factor_of_one_and_a_half_both_ways_with_its_edge() -> None:
+    factors = (1.5, 1.49, 1.51, 1.0 / 1.49, 1.0 / 1.51)
+    assert Beside("errors", (1.0,) * len(factors), factors).within == 3
+
+
+@pytest.mark.parametrize(("thesis", "ours"), [((1.0, 2.0), (1.0,)), ((0.0,), (1.0,))])
+def test_beside___figures_without_a_ratio___are_refused(
+    thesis: tuple[float, ...], ours: tuple[float, ...]
+) -> None:
+    with pytest.raises(ValueError, match="positive figures in pairs"):
+        Beside("errors", thesis, ours)
+
+
+def test_judged___figures_of_several_kinds___have_to_agree_all() -> None:
+    other = Beside("gains", FAR.thesis, FAR.ours)
+    found = judged(figures=[NEAR, other], statements=[HOLDS])
+    assert found.verdict is Verdict.SAME_CONCLUSIONS
+    for each in (NEAR, other):
+        assert each.text in found.because
+    assert judged(figures=[NEAR, other]).verdict is Verdict.PARTLY
+
+
 def test_judged___by_construction___is_told_of_an_agreement_only() -> None:
-    def verdict(*statements: Statement) -> Verdict:
-        return judged(statements=statements, by_construction=True).verdict
+    def verdict(*statements: Statement, figures: Sequence[Beside] = ()) -> Verdict:
+        return judged(figures=figures, statements=statements, by_construction=True).verdict
 
     assert verdict(HOLDS) is Verdict.BY_CONSTRUCTION
+    assert verdict(HOLDS, figures=[FAR]) is Verdict.SAME_CONCLUSIONS
     assert verdict(HOLDS, OPEN) is Verdict.PARTLY
     assert verdict(HOLDS, REVERSED) is Verdict.DIFFERS
 
@@ -122,6 +153,11 @@ def test_beside___distances___are_those_of_a_calculation_by_hand() -> None:
     assert found.distance == pytest.approx(2.0)
     assert found.constant_distance == pytest.approx(2.0 ** (2.0 / 3.0))
     assert not found.agrees
+    # The best constant is 1, off by 1, 1 and 8; ours are off by as much, and so no nearer.
+    level = Beside("errors", (1.0, 1.0, 8.0), (1.0, 1.0, 64.0))
+    assert level.distance == pytest.approx(2.0)
+    assert level.constant_distance == pytest.approx(2.0)
+    assert not level.beats_constant
 
 
 def test_beside___runaway___is_no_agreement() -> None:
@@ -129,6 +165,24 @@ def test_beside___runaway___is_no_agreement() -> None:
     assert found.within == 3
     assert not found.agrees
     assert "no number (one is missing)" in found.text
+
+
+@pytest.mark.parametrize(
+    ("p_value", "p_opposite", "outcome"),
+    [(0.049, 1.0, "holds"), (0.05, 1.0, "open"), (1.0, 0.05, "open"), (1.0, 0.049, "reversed")],
+)
+def test_statement___at_the_level___is_open(
+    p_value: float, p_opposite: float, outcome: str
+) -> None:
+    assert Statement("", p_value, p_opposite).outcome == outcome
+
+
+@pytest.mark.parametrize(("holds", "outcome"), [(True, "holds"), (False, "reversed")])
+def test_exactly___without_scatter___holds_or_is_reversed(
+    holds: bool,  # noqa: FBT001 - as the table has it
+    outcome: str,
+) -> None:
+    assert exactly("told", holds=holds).text == f"told: {outcome}"
 
 
 def test_statements___of_pairs___hold_stay_open_or_are_reversed() -> None:
@@ -181,6 +235,8 @@ def test_sign_test___ties___count_against_the_claim() -> None:
     assert sign_test([0, 1, 1], [1, 1, 1]) == pytest.approx(1.0 - 0.5**3)
     assert sign_test([1, 1, 1], [1, 1, 1]) == pytest.approx(1.0)
     assert sign_test([0] * 5, [1] * 5) == pytest.approx(0.5**5)
+    with pytest.raises(ValueError, match="shorter"):
+        sign_test([0, 1], [1])
     ties = less("", [0] * 5 + [1] * 5, [1] * 10)
     assert not ties.holds
     assert not ties.is_reversed
@@ -193,13 +249,34 @@ def test_statements___of_several_parts___are_tested_as_several() -> None:
     assert all_of("", [once, other]).p_opposite == pytest.approx(0.06)
     assert all_of("", [twice, other]).is_reversed
     assert all_of("", [other, other]).p_opposite == pytest.approx(1.0)
+    assert all_of("", [Statement("", 0.9, 0.6)] * 2).p_opposite == pytest.approx(1.0)
 
 
 def test_ranked___order_of_many___is_told() -> None:
     thesis = np.arange(1.0, 9.0)
     assert ranked("", thesis, thesis**2).holds
     assert ranked("", thesis, thesis[::-1]).is_reversed
-    assert not ranked("", thesis, np.ones(8)).holds
+    assert ranked("", thesis, np.ones(8)).p_value == pytest.approx(1.0)
+    # One-sided: what is no evidence for one order is as much evidence for the other.
+    mixed = ranked("", thesis, [2, 1, 4, 3, 6, 5, 8, 7])
+    assert mixed.p_value + mixed.p_opposite == pytest.approx(1.0)
+
+
+def test_pages___see_elsewhere___leads_to_subjects_with_a_verdict_of_their_own() -> None:
+    index = INDEX.read_text("utf-8")
+    verdicts = dict(re.findall(r"^\| \[(\S+)\]\(.*\*\*(.+)\*\* \|$", index, re.MULTILINE))
+    elsewhere = Verdict.ELSEWHERE.value
+    told = set()
+    for page in sorted(INDEX.parent.glob("*.md")):
+        sections = re.split(r'^<a id="(\S+)"></a>$', page.read_text("utf-8"), flags=re.MULTILINE)
+        for key, section in zip(sections[1::2], sections[2::2], strict=True):
+            _, is_elsewhere, words = section.partition(f"**{elsewhere}**: ")
+            if is_elsewhere:
+                told.add(key)
+                named = re.findall(r"(?:table|figure|claim|appendix)-\S*\w", words.splitlines()[0])
+                assert named, key
+                assert [verdicts[each] for each in named if verdicts[each] == elsewhere] == [], key
+    assert told == {key for key, verdict in verdicts.items() if verdict == elsewhere}
 
 
 def test_pages___agreement_and_same_conclusions___keep_the_rules() -> None:
