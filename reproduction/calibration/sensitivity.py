@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,10 +33,12 @@ from reproduction.framework.study_rig import CHOICES
 from reproduction.framework.verdicts import BAND, Judgement, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from reproduction.calibration.figures import Changes, Figure, Settings
     from reproduction.framework.findings import Results
+
+    Swept = dict[float, dict[int, list[Figure]]]
 
 SWEEP_SEEDS = SEEDS[:2]
 NM_PER_V = 0.55
@@ -67,7 +70,7 @@ class Choice:
             return "one sample"
         return f"{self.factor * value:g} {self.unit}".strip()
 
-    def calls(self, value: float) -> tuple[Call, ...]:
+    def calls(self, value: float, seed: int) -> tuple[Call, ...]:
         """Return the computations of the figures with a value."""
         changes: Changes = ((self.parameter, value),) if self.of_rig else ()
         settings: Settings = () if self.of_rig else ((self.parameter, value),)
@@ -76,11 +79,7 @@ class Choice:
         kinds = [("table", record) for record in self.records] or [
             call.arguments[:2] for call in parts((), SWEEP_SEEDS[:1])
         ]
-        return tuple(
-            Call(figures_of, (*kind, changes, seed, settings))
-            for kind in kinds
-            for seed in SWEEP_SEEDS
-        )
+        return tuple(Call(figures_of, (*kind, changes, seed, settings)) for kind in kinds)
 
 
 CHOICES_SWEPT = {
@@ -99,8 +98,11 @@ CHOICES_SWEPT = {
 
 def _swept(key: str, results: Results) -> Finding:
     choice = CHOICES_SWEPT[key]
-    found = {
-        value: [figure for call in choice.calls(value) for figure in results[call]]
+    found: Swept = {
+        value: {
+            seed: [figure for call in choice.calls(value, seed) for figure in results[call]]
+            for seed in SWEEP_SEEDS
+        }
         for value in choice.values
     }
     rows = _record_rows if choice.records else _chapter_rows
@@ -132,12 +134,22 @@ def _swept(key: str, results: Results) -> Finding:
     )
 
 
-def _fewer(choice: Choice, found: dict[float, list[Figure]]) -> Iterator[str]:
+def _fewer(choice: Choice, found: Swept) -> Iterator[str]:
     """Yield how many figures a value has fewer than another, and why."""
-    most = max(map(len, found.values()))
-    for value, figures in found.items():
-        if len(figures) < most:
-            yield prose("choice-s.fewer", value=choice.text(value), fewer=most - len(figures))
+    numbers = {value: len(_of_all_seeds(figures)) for value, figures in found.items()}
+    most = max(numbers.values())
+    for value, number in numbers.items():
+        if number < most:
+            yield prose("choice-s.fewer", value=choice.text(value), fewer=most - number)
+
+
+def _of_all_seeds(figures: dict[int, list[Figure]]) -> list[Figure]:
+    return [each for some in figures.values() for each in some]
+
+
+def _with_each(far: float, of_each: Iterable[float]) -> str:
+    """Return a distance with that of each seed in brackets."""
+    return f"{far:.2f} ({', '.join(f'{each:.2f}' for each in of_each)})"
 
 
 def _seeds() -> str:
@@ -145,18 +157,20 @@ def _seeds() -> str:
 
 
 def _chapter_rows(
-    found: dict[float, list[Figure]],
+    found: Swept,
 ) -> tuple[tuple[str, ...], dict[float, tuple[str, ...]], dict[float, float]]:
-    points = {value: summed({}, figures) for value, figures in found.items()}
+    points = {value: summed({}, _of_all_seeds(figures)) for value, figures in found.items()}
     away = {
-        value: [each.ours for each in figures if each.name == f"B_dat9, {RUNS_AWAY}"]
+        value: [each.ours for each in _of_all_seeds(figures) if each.name == f"B_dat9, {RUNS_AWAY}"]
         for value, figures in found.items()
     }
     cells = {
         value: (
             *(f"{point.within[each]} of {point.figures[each]}" for each in CHAPTERS),
             f"{point.total}",
-            f"{point.distance:.2f}",
+            _with_each(
+                point.distance, (summed({}, some).distance for some in found[value].values())
+            ),
             f"{sum(away[value]):.0f} of {len(away[value])}",
         )
         for value, point in points.items()
@@ -167,21 +181,29 @@ def _chapter_rows(
 
 
 def _record_rows(
-    found: dict[float, list[Figure]],
+    found: Swept,
 ) -> tuple[tuple[str, ...], dict[float, tuple[str, ...]], dict[float, float]]:
-    names = list(dict.fromkeys(each.name for each in next(iter(found.values()))))
-    names = [name for name in names if "mean error" in name]
+    theirs = {
+        each.name: each.thesis
+        for each in _of_all_seeds(next(iter(found.values())))
+        if "mean error" in each.name
+    }
+
+    def means(figures: list[Figure]) -> list[float]:
+        ours = ([each.ours for each in figures if each.name == name] for name in theirs)
+        return [float(np.mean(some)) for some in ours]
+
+    def far(figures: list[Figure]) -> float:
+        ratios = np.array(means(figures)) / np.array(list(theirs.values()))
+        return float(np.mean(np.abs(np.log(ratios))) / np.log(BAND))
+
     cells, distances = {}, {}
-    theirs = {each.name: each.thesis for each in next(iter(found.values()))}
-    for value, figures in found.items():
-        ours = {
-            name: float(np.mean([each.ours for each in figures if each.name == name]))
-            for name in names
-        }
-        far = float(np.mean([abs(np.log(ours[name] / theirs[name])) for name in names]))
-        distances[value] = far / np.log(BAND)
-        cells[value] = (*(f"{ours[name]:.3f}" for name in names), f"{distances[value]:.2f}")
-    headings = (*(f"{name} (thesis {theirs[name]:.3f})" for name in names), "distance")
+    for value, of_seeds in found.items():
+        figures = _of_all_seeds(of_seeds)
+        distances[value] = far(figures)
+        of_each = _with_each(distances[value], map(far, of_seeds.values()))
+        cells[value] = (*(f"{each:.3f}" for each in means(figures)), of_each)
+    headings = (*(f"{name} (thesis {each:.3f})" for name, each in theirs.items()), "distance")
     return headings, cells, distances
 
 
@@ -208,17 +230,23 @@ def criterion_sums(length_s: float) -> tuple[float, float, float]:
 def _horizon(results: Results) -> Finding:
     printed = thesis_table("table_4_2")
     sums = {length_s: results[Call(criterion_sums, (length_s,))] for length_s in HORIZONS_S}
-    off = {
-        length_s: abs(np.log(error / printed["error_itae_sum"]))
-        for length_s, (error, *_) in sums.items()
-    }
-    nearest = min(off, key=lambda length_s: off[length_s])
     error, strain, criterion = (
         printed[name] for name in ("error_itae_sum", "strain_itae_sum", "criterion")
     )
+    errors, strains, bases = (
+        {length_s: each[k] for length_s, each in sums.items()} for k in range(3)
+    )
+    totals = {length_s: errors[length_s] + strains[length_s] for length_s in sums}
+    nearest, both, base, whole = (
+        min(ours, key=lambda length_s: abs(np.log(ours[length_s] / theirs)))
+        for ours, theirs in (
+            (errors, error),
+            (strains, strain),
+            (bases, strain),
+            (totals, criterion),
+        )
+    )
     thesis = ("thesis", f"{error:.3f}", f"{strain:.3f}", "", f"{error + strain:.3f}")
-    totals = {length_s: error + strain for length_s, (error, strain, _) in sums.items()}
-    whole = min(totals, key=lambda length_s: abs(np.log(totals[length_s] / criterion)))
     rows = tuple(
         (
             f"{length_s:g} s{' (taken)' * (length_s == CHOICES.criterion_s)}",
@@ -232,7 +260,17 @@ def _horizon(results: Results) -> Finding:
             Verdict.OURS,
             f"{CHOICES.criterion_s:g} s. The sum of E of the thesis's gains comes nearest to the "
             f"printed one with {nearest:g} s. "
-            + prose("choice-s-6.rule", criterion=criterion, length_s=whole, total=totals[whole]),
+            + prose(
+                "choice-s-6.rule",
+                strain=strain,
+                both_s=both,
+                both=strains[both],
+                base_s=base,
+                base=bases[base],
+                criterion=criterion,
+                length_s=whole,
+                total=totals[whole],
+            ),
         ),
         (
             SideBySide(
@@ -245,7 +283,8 @@ def _horizon(results: Results) -> Finding:
 
 
 def _calls(choice: Choice) -> tuple[Call, ...]:
-    return tuple(dict.fromkeys(call for value in choice.values for call in choice.calls(value)))
+    pairs = product(choice.values, SWEEP_SEEDS)
+    return tuple(dict.fromkeys(call for pair in pairs for call in choice.calls(*pair)))
 
 
 SUBJECTS = (

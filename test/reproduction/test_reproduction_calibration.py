@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -87,12 +88,18 @@ def test_summed___figures_of_all_chapters___weigh_the_chapters_alike() -> None:
 CHAPTER_OF = {"table": "2", "example": "3", "pi": "4", "tracking": "4", "nominal": "B"}
 
 
-def swept(key: str, factors: dict[float, float], gone: float | None = None) -> Finding:
-    """Return a choice's finding when every figure is off by a factor, and one value lacks some."""
+def swept(
+    key: str, factors: dict[float, float | tuple[float, float]], gone: float | None = None
+) -> Finding:
+    """Return a choice's finding when figures are off by a factor, or one of each seed.
+
+    One value lacks some.
+    """
     choice = sensitivity.CHOICES_SWEPT[key]
     results = {}
-    for value, factor in factors.items():
-        for call in choice.calls(value):
+    for (value, off), number in product(factors.items(), range(2)):
+        factor = off[number] if isinstance(off, tuple) else off
+        for call in choice.calls(value, sensitivity.SWEEP_SEEDS[number]):
             kind, name = call.arguments[:2]
             words = {"tracking": TRACKING, "table": f"{name}, mean error"}.get(kind, name)
             figures = [Figure(CHAPTER_OF[kind], words, 1.0, factor)]
@@ -106,20 +113,24 @@ def swept(key: str, factors: dict[float, float], gone: float | None = None) -> F
 
 
 def test_choice___of_all_chapters___tells_distances_ties_and_what_is_missing() -> None:
-    finding = swept("choice-s-4", {5e-4: 1.5**2, 1e-3: 1.5, 2e-3: 1.0 / 1.5, 3e-3: 9.0}, gone=3e-3)
+    finding = swept(
+        "choice-s-4",
+        {5e-4: (1.5**2.5, 1.5**1.5), 1e-3: 1.5, 2e-3: 1.0 / 1.5, 3e-3: 9.0},
+        gone=3e-3,
+    )
     because = finding.judgement.because
     assert because.startswith("0.5 ms. Distance of the figures: 2.00 (0.5 ms), 1.00 (1 ms), ")
     assert "1.00 (2 ms), 3.00 (3 ms); 1 ms and 2 ms tie. " in because
     # Two models of the PI law and two seeds.
     assert "With 3 ms there are 4 figures fewer" in because
     rows = {row[0]: row[1:] for row in finding.tables[0].rows}
-    assert rows["0.5 ms (taken)"][-3:] == ("0", "2.00", "1 of 2")
+    assert rows["0.5 ms (taken)"][-3:] == ("0", "2.00 (2.50, 1.50)", "1 of 2")
     assert rows["1 ms"][0] == "12 of 12"
     assert rows["3 ms"][2] == "0 of 6"
 
 
 def test_choice___of_some_records___compares_their_errors() -> None:
-    finding = swept("choice-s-1", {0.002: 0.5, 0.01: 0.6, 0.05: 0.7})
+    finding = swept("choice-s-1", {0.002: (0.6, 0.4), 0.01: 0.6, 0.05: 0.7})
     # Each figure is one of the thesis times the factor.
     far = [abs(np.log(each)) / np.log(1.5) for each in (0.5, 0.6, 0.7)]
     listed = ", ".join(
@@ -127,7 +138,11 @@ def test_choice___of_some_records___compares_their_errors() -> None:
         for each, hold in zip(far, ("one sample", "10 ms", "50 ms"), strict=True)
     )
     assert f"figures: {listed}; 50 ms is nearest" in finding.judgement.because
-    assert finding.tables[0].rows[0][:2] == ("one sample (taken)", "0.500")
+    first = finding.tables[0].rows[0]
+    assert first[:2] == ("one sample (taken)", "0.500")
+    # The distance of the mean, and those of the seeds.
+    of_each = [abs(np.log(each)) / np.log(1.5) for each in (0.5, 0.6, 0.4)]
+    assert first[-1] == "{:.2f} ({:.2f}, {:.2f})".format(*of_each)
 
 
 def test_length_of_the_step___sums_of_the_thesis___stand_beside_ours_and_its_criterion_apart() -> (
@@ -140,4 +155,9 @@ def test_length_of_the_step___sums_of_the_thesis___stand_beside_ours_and_its_cri
     assert thesis[-1] == f"{printed['error_itae_sum'] + printed['strain_itae_sum']:.3f}"
     assert last == ("5 s", "1.000", "5.000", "0.500", "6.000")
     # 1 + 5 is nearest to the printed criterion of 5.81.
-    assert "with 5 s, 6.000" in " ".join(finding.judgement.because.split())
+    because = " ".join(finding.judgement.because.split())
+    assert "with 5 s, 6.000" in because
+    # Ours are 2 to 5 of both gauges, 0.5 of one; printed are 2.407.
+    assert (
+        "comes nearest with 2 s, 2.000, and that of the base gauge alone with 2 s, 0.500" in because
+    )

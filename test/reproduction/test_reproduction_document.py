@@ -109,7 +109,7 @@ def test_write_document___index___tells_the_parts_of_each_subject_and_of_each_pa
         Statement(words, *chances)
         for words, chances in (("a", (0.01, 1.0)), ("b", (0.5, 0.5)), ("c", (1.0, 0.01)))
     )
-    parts = {
+    parts: dict[str, tuple[list[Beside], list[Statement]]] = {
         "table-2-1": ([near, far], [holds, is_open]),
         "claim-2-1": ([level], [holds, is_open, is_reversed]),
         # As in the earlier edition.
