@@ -93,10 +93,18 @@ def _gains_beside(found: Examined, optimum: dict[str, float]) -> Beside:
 
 def _reason(turned: Examined, *, nearer: bool) -> str:
     gain_db, phase_deg = np.min(turned.slow, axis=0)
+    least_db, least_deg = np.min(turned.least, axis=0)
     found = f"With the sign of the middle gauge turned, the best gains are {_gains(turned)}"
     if not nearer:
         return f"{found}, no nearer to the thesis's: that sign does not explain it."
-    return prose("appendix-b.reason", found=found, gain_db=gain_db, phase_deg=phase_deg)
+    return prose(
+        "appendix-b.reason",
+        found=found,
+        gain_db=gain_db,
+        phase_deg=phase_deg,
+        least_db=least_db,
+        least_deg=least_deg,
+    )
 
 
 def _gains(found: Examined) -> str:

@@ -53,10 +53,11 @@ printed, or not printed at all, is *not comparable*. From the parts follows the 
 - **see elsewhere**: another subject has the same comparison, and a comparison has one verdict.
 - **our choice**: no subject of the thesis, but what it leaves open and we had to choose.
 
-The rig of the study is not that of the demo: it has less friction, more damping and another gain of
-the base gauge. [The calibration](../rig.md#rig-of-the-reproduction) chose them so that these same
-figures lie near the thesis's, so figures that agree are no evidence of their own. What else was
-chosen stands under [sensitivity](sensitivity.md).
+The rig of the study is not that of the demo: it has less dry friction, more damping, another gain
+of the base gauge, and for identification more noise. [The
+calibration](../rig.md#rig-of-the-reproduction) chose them so that these same figures lie near the
+thesis's, so figures that agree are no evidence of their own. What else was chosen stands under
+[sensitivity](sensitivity.md).
 """
 _EARLIER = Path(__file__).with_name("earlier.yaml")
 _TITLES = {"chapter": "Chapter {}", APPENDICES: "Appendices", SENSITIVITY: "Sensitivity"}
