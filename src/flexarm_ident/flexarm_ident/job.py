@@ -295,7 +295,7 @@ def _identified(
 def read_record(bag: Path, request: Request, channels: Chosen, span: Span = EVERYTHING) -> Source:
     """Return the record of a bag as measured; arguments and errors as in `identify_bags`."""
     # In pieces, a record is prepared in the default way alone.
-    usual = request.remove_compensation and request.bias == "rest" and request.cutoff_hz is None
+    usual = request.remove_compensation and request.bias == "rest" and not request.cutoff_hz
     may_stream = usual and span.is_whole and channels is None and not is_table(bag)
     if may_stream and sample_count(bag) > LARGEST_IN_MEMORY:
         return stream_bag(bag, wrap=span.wrap)

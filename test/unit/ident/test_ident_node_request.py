@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -39,4 +39,5 @@ def test_as_request___the_thesiss_method_alone___prepares_as_section_2_5_has_it(
         method="orse_thesis", bias="first", cutoff_hz=50.0, filter_input=False
     )
     own = Request(method="orse_thesis", bias="mean", cutoff_hz=0.0)
-    assert (own.bias, own.cutoff_hz, own.filter_input) == ("mean", None, True)
+    for kept in (own, replace(own, order=9)):
+        assert (kept.bias, kept.cutoff_hz, kept.filter_input) == ("mean", 0.0, True)

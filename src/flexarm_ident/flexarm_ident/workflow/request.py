@@ -107,8 +107,6 @@ class Request:
         prepared: dict[str, object] = {"bias": self.bias or ("first" if is_thesis else "rest")}
         if is_thesis and self.cutoff_hz is None:
             prepared |= THESIS_FILTER
-        elif self.cutoff_hz == 0.0:
-            prepared |= {"cutoff_hz": None}
         for field, value in prepared.items():
             object.__setattr__(self, field, value)
 

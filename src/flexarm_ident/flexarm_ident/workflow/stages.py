@@ -174,7 +174,7 @@ def _prepared(record: Source, request: Request) -> _Record:
             record,
             compensation="remove" if request.remove_compensation else "keep",
             bias=request.bias,
-            cutoff_hz=request.cutoff_hz,
+            cutoff_hz=request.cutoff_hz or None,
             filter_input=request.filter_input,
         )
         return _Record(data, data)

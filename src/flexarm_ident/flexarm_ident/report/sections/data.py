@@ -39,7 +39,7 @@ def _build(subject: Subject) -> Iterator[Block]:
         else "The input is taken as recorded, with any Coulomb compensation."
     )
     filtered = ""
-    if request.cutoff_hz is not None:
+    if request.cutoff_hz:
         smoothed = "Inputs and outputs are" if request.filter_input else "The outputs alone are"
         filtered = f" {smoothed} low-pass filtered at {request.cutoff_hz:g} Hz."
     yield Words(
