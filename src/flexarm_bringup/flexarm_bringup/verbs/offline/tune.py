@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     metavar="TIME",
     default=5.0,
     show_default=True,
-    help="Length of the step of the criterion.",
+    help="Length of the step of the criterion; the gains do not depend on its size.",
 )
 @FORCE
 @examples(
