@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import bdtrc
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.models.state_space import stabilise
+from flexarm_ident.subspace.feedback import SIGNIFICANCE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,8 +24,6 @@ _GROWTH = 20.0
 # A simulation that grows by more shows its initial state and the rounding of its model alone.
 _LARGEST_GROWTH = 1e4
 _PIECES = 100
-# A stable plant's pieces are missed by the same with the eigenvalue on either side.
-_BETTER = 0.7
 
 
 def short_samples(A: FloatArray) -> int:
@@ -55,12 +55,22 @@ def is_unstable(A: FloatArray, C: FloatArray, records: Sequence[IoData]) -> bool
         for record in records
         for first in range(0, len(record) - length + 1, length)
     ][:_PIECES]
-    if len(pieces) < 2:  # noqa: PLR2004 - one piece has as many free initial states as records
+    if not pieces:
         return False
     try:
-        own, moved = (
-            np.nanmean(fit_inputs(each, C, pieces).error) for each in (A, stabilise(A)[0])
-        )
+        own, moved = (_missed(each, C, pieces) for each in (A, stabilise(A)[0]))
     except IdentificationError:
         return False
-    return bool(own < _BETTER * moved)
+    # A disturbance is in both errors: it hides their ratio, but not which of them is less. Those of
+    # a stable plant's pieces are so by chance.
+    better = np.count_nonzero(own < moved)
+    return bool(better and bdtrc(better - 1, len(pieces), 0.5) < SIGNIFICANCE)
+
+
+def _missed(A: FloatArray, C: FloatArray, pieces: Sequence[IoData]) -> FloatArray:
+    """Return each piece's squared errors, those of an output relative to its power in all."""
+    fit = fit_inputs(A, C, pieces)
+    missed = np.array(fit.missed)
+    total = missed.sum(axis=0)
+    weight = np.divide(fit.error**2, total, out=np.zeros_like(total), where=total > 0.0)
+    return np.asarray(missed @ weight)

@@ -50,6 +50,8 @@ class OutputFit:
         Initial state of each record.
     error : ndarray, (outputs,)
         Relative simulation error of each output over all records (2-25); NaN for one that is zero.
+    missed : tuple of ndarray, (outputs,)
+        Sums of the squares of each record's simulation errors.
     rank : int
         Numerical rank of the regression.
     condition : float
@@ -60,6 +62,7 @@ class OutputFit:
     D: FloatArray
     x0: tuple[FloatArray, ...]
     error: FloatArray
+    missed: tuple[FloatArray, ...]
     rank: int
     condition: float
 
@@ -253,7 +256,9 @@ def _solved(
         weight = _inverse(np.maximum(missed, _SMALLEST_NOISE**2 * power))
     found = problem.solve(weight, refined=True, at_rest=at_rest)
     error = _relative_error(found.missed, problem.powers)
-    return OutputFit(found.B, found.D, found.x0, error, found.rank, found.condition)
+    return OutputFit(
+        *(found.B, found.D, found.x0, error, tuple(found.missed)), found.rank, found.condition
+    )
 
 
 def _mean(powers: Sequence[FloatArray], records: Sequence[Samples]) -> FloatArray:

@@ -12,7 +12,7 @@ from flexarm_core.labels import counted, named_twice
 from flexarm_ident.reading.fields import parse_field, values_of, wrong_path, wrong_topic
 from flexarm_ident.reading.grid import ON_TIME
 from flexarm_ident.reading.offsets import on_their_rows
-from flexarm_ident.reading.sampling import JITTER_TOLERANCE, Run
+from flexarm_ident.reading.sampling import CUT, JITTER_TOLERANCE, Run
 from flexarm_ident.reading.sampling import notices as sampling_notices
 from flexarm_ident.reading.tracks import NS, Evened, advances, drift, evened, lost_messages, track
 from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
@@ -44,8 +44,6 @@ _SECONDS, _NANOSECONDS = "header.stamp.sec", "header.stamp.nanosec"
 _SLOW = 1.5
 # Relative difference of two clocks' rates that is worth a word.
 _RATES_DIFFER = 1e-3
-# A record that is shorter than its longest signal by this part is worth a word.
-_CUT = 0.05
 # An input that lacks more of its messages than this part is one that is sent when it changes.
 _ON_CHANGE = 0.2
 
@@ -307,7 +305,7 @@ def _findings(found: CommonRows, read_off: Sequence[Track]) -> Iterator[DataWarn
         slowest_hz = 1.0 / max(signal.period_s for signal in slow)
         yield SAMPLING(text, {"slowest_hz": slowest_hz})
     cut = 1.0 - len(found.rows) / grid.rows
-    if cut > _CUT:
+    if cut > CUT:
         used_s, all_s = (grid.period_s * rows for rows in (len(found.rows), grid.rows))
         text = f"{used_s:.1f} s of {all_s:.1f} s are used, those in which every channel was there"
         figures = {"used_s": used_s, "recorded_s": all_s}

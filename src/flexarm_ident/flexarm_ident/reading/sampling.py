@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm_core.labels import counted, instant
 from flexarm_ident.reading.grid import LATEST
-from flexarm_ident.records.data_warning import LOST_SAMPLES, PARTIAL_RECORD, SAMPLING
+from flexarm_ident.records.data_warning import LOST_SAMPLES, PARTIAL_RECORD, SAMPLING, Grade
 from flexarm_ident.records.holes import holes_told
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 # Instants that scatter by this part of the period, RMS, matter to a model of even ones.
 JITTER_TOLERANCE = 0.1
+CUT = 0.05
+"""Part of a record that may be left out without harm."""
 
 
 @dataclass(frozen=True)
@@ -82,11 +84,15 @@ def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
     if not grid.missing.any():
         return ()
     text, figures = holes_told(grid.missing, grid.period_s)
+    if off := int(figures["missing"]) - max(0, grid.rows - len(grid.instants)):
+        text += f"; {off} of them had theirs, but taken in the period before or after"
     for pause_s in grid.pauses_s:
         text += (
             f"; a pause of {pause_s:.6g} s counts as one of {grid.samples * grid.period_s:.6g} s"
         )
-    return (LOST_SAMPLES(text, figures),)
+    harmless = figures["left_out"] <= CUT * grid.rows
+    grade = Grade.INFORMATION if harmless else Grade.CAUTION
+    return (LOST_SAMPLES(text, figures, grade=grade),)
 
 
 def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:

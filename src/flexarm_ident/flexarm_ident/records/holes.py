@@ -77,7 +77,8 @@ def holes_told(missing: BoolArray, period_s: float) -> tuple[str, dict[str, floa
     missed, left_out = int(missing.sum()), int(unusable.sum())
     start, stop = holes[np.argmax(lengths)].tolist()
     text = (
-        f"{missed} of {len(missing)} samples are missing, in {counted(len(holes), 'hole')}, "
+        f"{missed} of {counted(len(missing), 'period')} {'is' if missed == 1 else 'are'} without a "
+        f"sample, in {counted(len(holes), 'hole')}, "
         f"{'the longest ' * (len(holes) > 1)}{_place(start, stop, period_s)}"
     )
     if missed > left_out:

@@ -16,7 +16,9 @@ PENDULUM = (np.array([[0.0, 1.0], [9.0, -0.1]]), np.array([30.0, 6.0]))
 GROWING = (np.array([[2.0]]), np.array([6.0]))
 
 
-def in_its_loop(plant: tuple[np.ndarray, np.ndarray], noise: float, seed: int) -> IoData:
+def in_its_loop(
+    plant: tuple[np.ndarray, np.ndarray], noise: float, seed: int, disturbance: float = 0.0
+) -> IoData:
     """Return a record of a plant under state feedback with coloured dither."""
     (own, gain), rng, period_s = plant, np.random.default_rng(seed), 0.01
     order = len(own)
@@ -30,7 +32,7 @@ def in_its_loop(plant: tuple[np.ndarray, np.ndarray], noise: float, seed: int) -
     for k in range(len(u)):
         dither = 0.8 * dither + rng.normal()
         u[k], y[k] = dither - gain @ x, x[0]
-        x = A @ x + b * u[k]
+        x = A @ x + b * u[k] + disturbance * rng.normal(size=order)
     y += noise * y.std() * rng.normal(size=len(y))
     return IoData(u, y, dt_s=period_s, inputs=("u",), outputs=("y",))
 
@@ -51,6 +53,16 @@ def test_run___unstable_plant_in_its_loop___next_step_keeps_it_unstable(
     pole = float(np.abs(np.linalg.eigvals(kept.model.A)).max())
     growth = float(np.linalg.eigvals(plant[0]).real.max())
     assert np.log(pole) / data.dt_s == pytest.approx(growth, rel=0.15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_is_unstable___disturbance_as_large_as_the_answer___is(seed: int) -> None:
+    own = PENDULUM[0]
+    quiet = in_its_loop(PENDULUM, 0.0, seed)
+    data = in_its_loop(PENDULUM, 0.05, seed, disturbance=0.01)
+    assert data.y.std() > 1.4 * quiet.y.std()
+    A, C = linalg.expm(own * data.dt_s), np.array([[1.0, 0.0]])
+    assert is_unstable(A, C, [data])
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -69,10 +69,10 @@ def test_holes_of_one_channel___are_told_unless_all_lack_them(lost: float) -> No
     for each in found:
         assert each.channel == "q"
         assert each.text == (
-            f"q: 43 of 1000 samples are missing, in 3 holes, the longest from {300 * DT_S:.6g} s "
-            f"(row 300) to {339 * DT_S:.6g} s (row 339): those of up to 3 samples were filled; 1 "
-            "longer hole of 40 samples in all, at most 40 each, cannot be filled: the parts "
-            "between are used"
+            "q: 43 of 1000 periods are without a sample, in 3 holes, the longest from "
+            f"{300 * DT_S:.6g} s (row 300) to {339 * DT_S:.6g} s (row 339): those of up to 3 "
+            "samples were filled; 1 longer hole of 40 samples in all, at most 40 each, cannot be "
+            "filled: the parts between are used"
         )
         assert (each.figures["missing"], each.figures["left_out"]) == (43.0, 40.0)
 

@@ -102,7 +102,7 @@ def test_missing_rows___are_a_hole_in_time(tmp_path: Path, late_s: float) -> Non
     assert np.flatnonzero(record.input_held).tolist() == list(range(OUT.start, OUT.stop))
     (notice,) = record.notices
     assert notice.code == "lost_samples"
-    assert "9 of 200 samples are missing, in 1 hole, from" in notice.text
+    assert "9 of 200 periods are without a sample, in 1 hole, from" in notice.text
     streamed = [y for _, y in stream_bag(tmp_path / "bag").chunks(ROWS)]
     np.testing.assert_array_equal(np.concatenate(streamed), record.y_usable)
 

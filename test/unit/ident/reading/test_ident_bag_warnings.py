@@ -76,7 +76,9 @@ def test_identify_bags___lost_samples___are_among_the_warnings_once(
         monkeypatch.setattr(job, "LARGEST_IN_MEMORY", SAMPLES // 2)
     bag = a_bag(tmp_path / "run", lost=(100,))
     outcome = identify_bags([bag], tmp_path / "out", REQUEST).outcome
-    said = [warning for warning in outcome.warnings if "1 of 900 samples are missing" in warning]
+    said = [
+        warning for warning in outcome.warnings if "1 of 900 periods is without a sample" in warning
+    ]
     assert len(said) == 1
     (lost,) = (
         warning

@@ -218,8 +218,8 @@ def test_read___gaps___are_filled_and_the_input_before_them_is_held(tmp_path: Pa
     assert (reading.samples, reading.lost) == (8, 3)
     assert reading.warnings == (
         (
-            "3 of 11 samples are missing, in 2 holes, the longest from 0.004 s (row 2) to 0.006 s "
-            "(row 3): those of up to 3 samples were filled"
+            "3 of 11 periods are without a sample, in 2 holes, the longest from 0.004 s (row 2) to "
+            "0.006 s (row 3): those of up to 3 samples were filled"
         ),
     )
 
@@ -264,7 +264,7 @@ def test_period___one_period_without_sample___does_not_move_it_and_is_reported(
 
     assert reading.data.dt_s == pytest.approx(0.002, rel=1e-9)
     (warning,) = reading.warnings
-    assert warning.startswith("1 of 9 samples are missing, in 1 hole, at 0.008 s (row 4): ")
+    assert warning.startswith("1 of 9 periods is without a sample, in 1 hole, at 0.008 s (row 4): ")
 
 
 def test_read___other_rig___takes_names_rate_and_loop_from_its_channel_info(

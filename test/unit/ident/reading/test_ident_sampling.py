@@ -5,6 +5,7 @@ import pytest
 
 from flexarm_ident.reading.grid import Grid, place
 from flexarm_ident.reading.sampling import Run, longest_run, notices
+from flexarm_ident.records.data_warning import Grade
 
 PERIOD_NS = 3_333_333
 
@@ -42,6 +43,25 @@ def test_notices___short_and_long_holes___are_told_apart() -> None:
         "left_out": 7.0,
     }
     assert "1 longer hole of 7 samples" in found.text
+    assert found.grade == Grade.CAUTION
+
+
+def test_notices___holes_that_are_filled___are_no_defect_to_fix() -> None:
+    sequence = [k for k in range(200) if k % 20 not in {3, 4, 5}]
+    (found,) = notices(Run(slice(0, 170), 0), grid(sequence), 170)
+    assert (found.code, found.figures["missing"]) == ("lost_samples", 30.0)
+    assert found.grade == Grade.INFORMATION
+
+
+def test_notices___lost_and_badly_timed_samples___are_counted_apart() -> None:
+    numbers = np.array([k for k in range(300) if k != 250])
+    stamps_ns = numbers * PERIOD_NS
+    for late in (100, 150, 200):
+        stamps_ns[late] += round(0.8 * PERIOD_NS)
+    (lost,) = notices(Run(slice(0, 299), 0), place(numbers, stamps_ns), 299)
+    assert lost.figures["missing"] == 4.0
+    assert lost.text.startswith("4 of 300 periods are without a sample")
+    assert "; 3 of them had theirs, but taken in the period before or after" in lost.text
 
 
 def test_notices___jittering_clock___is_named_with_its_deviation() -> None:
