@@ -19,6 +19,9 @@ _CLOCK = re.compile(rf"(?:{_DATE}(?:[T ]+|$))?(?:{_TIME})?{_ZONE}")
 _MONTHS = 12
 _NAMES = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _NAMED = re.compile(rf"(\d{{1,2}})[- ]({'|'.join(_NAMES)})[- ](\d{{4}})", re.IGNORECASE)
+# As MATLAB writes durations.
+_DURATION = re.compile(r"([+-]?[\d.]+(?:e[+-]?\d+)?) (sec|min|hr|day)s?")
+_DURATION_S = {"sec": 1.0, "min": 60.0, "hr": 3600.0, "day": 86400.0}
 _DAYS = re.compile(r"(\d+) days? (?=\d)")
 _DAY_S = 86400.0
 # Years of two digits are of 1970 to 2069.
@@ -32,8 +35,8 @@ _EARLIEST_S, _LATEST_S = 1e9, 5e9
 
 
 def is_clock(text: str) -> bool:
-    """Return whether a text is a date with a time, a date, or a time of the day."""
-    return (
+    """Return whether a text is a date with a time, a date, a time of the day, or a duration."""
+    return _DURATION.fullmatch(text) is not None or (
         bool(text)
         and (":" in text or text.count("-") + text.count("/") + text.count(".") > 1)
         and _CLOCK.fullmatch(_in_numbers(text)) is not None
@@ -41,13 +44,15 @@ def is_clock(text: str) -> bool:
 
 
 def clock_s(text: str) -> float:
-    """Return the seconds of an instant since 1970, or since midnight where it has no date.
+    """Return the seconds of a duration, an instant since 1970, or since midnight without a date.
 
     Raises
     ------
     ValueError
         If it is none.
     """
+    if duration := _DURATION.fullmatch(text):
+        return float(duration[1]) * _DURATION_S[duration[2]]
     days = _DAYS.match(text.strip())
     found = _CLOCK.fullmatch(_in_numbers(text))
     if not found or not found.lastindex:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from textwrap import shorten
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from flexarm_core.labels import TIME_UNIT_ENDING, TIME_UNITS_S, named_twice, time_unit_s
 from flexarm_ident.importing.csv_clock import is_clock
 from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
-from flexarm_ident.importing.csv_table import columns_told, nanoseconds_of, table_layout
+from flexarm_ident.importing.csv_table import columns_told, nanoseconds_of, read_table, table_layout
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,9 +24,11 @@ if TYPE_CHECKING:
 
 _TIME = re.compile(
     r"_*(t|(rel_|elapsed )?time|time ?_?stamp|date ?_?time|elapsed|seconds|ms|us|ns|millis|micros|"
-    rf"zeit|x_value|(.*[._/])?secs?)({TIME_UNIT_ENDING})?",
+    rf"zeit|x_value|(.*[._/])?secs?)({TIME_UNIT_ENDING})?(#\d+)?",
     re.IGNORECASE,
 )
+_HAS_TIME = re.compile(r"(.*[\W_])?(time|zeit)([\W_].*)?", re.IGNORECASE)
+_CLOCK = re.compile(r"(.*[\W_])?(t|time|zeit|stamp|timestamp)([\W_].*)?", re.IGNORECASE)
 _COMMAND = re.compile(
     r"(u|tau|torque|command|cmd|effort|force|current|voltage|input|control|drive|motor|pwm)"
     r"([ _.-]*(cmd|command|in|nm|n|v|a))?[ _.-]*\d*([ _.-]*(cmd|command|nm|n|v|a))?",
@@ -33,6 +38,8 @@ _WHOLE_SECONDS = re.compile(r"(.*[._/])?secs?", re.IGNORECASE)
 _RATE = re.compile(r"([0-9.eE+-]+) ?Hz", re.IGNORECASE)
 _ENDING = re.compile(r"\s*(\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\))$")
 _LONGEST = 300
+# Clocks of two devices differ by less.
+_SAME_RATE = 0.01
 
 
 @dataclass(frozen=True)
@@ -168,6 +175,38 @@ def unused_time(path: Path, mapping: CsvMap, layout: Layout | None = None) -> tu
     )
 
 
+def other_clocks(path: Path, mapping: CsvMap, layout: Layout) -> tuple[str, ...]:
+    """Return that a column is a clock of another rate than the time, such as a second device's.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read.
+    """
+    if mapping.time is None:
+        return ()
+    told = []
+    for name in layout.names:
+        if name in (mapping.time, *mapping.columns()) or not _CLOCK.fullmatch(name):
+            continue
+        with suppress(CsvImportError):
+            alone = replace(mapping, inputs=(), outputs=(CsvChannel(name, name),))
+            times_s, own = read_table(path, alone, layout).values.T
+            times_s, own = times_s[np.isfinite(own)], own[np.isfinite(own)]
+            steps = np.diff(own)
+            if steps.min() <= 0.0 or steps.max() == steps.min() == 1.0:
+                # It is no clock, or counts the rows.
+                continue
+            slope_s = (times_s[-1] - times_s[0]) / (own[-1] - own[0])
+            if not any(abs(slope_s / unit - 1.0) < _SAME_RATE for unit in TIME_UNITS_S.values()):
+                told.append(name)
+    return tuple(
+        f"column {name} is a clock of another rate than {mapping.time}: what it belongs to was "
+        "sampled at other instants than those of the rows; make a file of each device"
+        for name in told
+    )
+
+
 def with_units(mapping: CsvMap, layout: Layout) -> CsvMap:
     """Return a map with the units that the file tells of channels which have none."""
 
@@ -187,7 +226,7 @@ def file_unit(column: str, layout: Layout) -> str:
 
 
 def _times(layout: Layout) -> list[str]:
-    """Return the columns of times: by their names, else by their units or as dates and clocks."""
+    """Return the columns of times: by their names, their units or as dates and clocks."""
     cells = dict(zip(layout.names, layout.cells, strict=False))
     named = [
         name
@@ -197,12 +236,13 @@ def _times(layout: Layout) -> list[str]:
         # A date is in another column than the time of the day.
         and not (is_clock(cells.get(name, "")) and ":" not in cells[name])
     ]
-    return named or [
+    told = named or [
         name
         for name in layout.names
         if (":" in cells.get(name, "") and is_clock(cells[name]))
         or ((unit := layout.unit(name)) and time_unit_s(f"t [{unit.strip('()[] ')}]"))
     ]
+    return told or [name for name in layout.names if _HAS_TIME.fullmatch(name)]
 
 
 def _channel(text: str, names: Sequence[str]) -> CsvChannel:

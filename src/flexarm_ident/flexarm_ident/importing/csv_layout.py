@@ -34,7 +34,8 @@ _SEPARATORS = ("\t", ",", ";", "|", " ")
 # What programs write for a number that they lack; NaN is a number to Python.
 MISSING = frozenset(
     {"", "-", "--", "?", "...", "na", "n/a", "null", "nil", "none", "missing", "<missing>"}
-    | {"#n/a", "#na", "#div/0!", "#value!", "#num!", "#ref!", "1.#qnan", "-1.#ind", "ovf"}
+    | {"#n/a", "#na", "#div/0!", "#value!", "#num!", "#ref!", "1.#qnan", "-1.#ind", "ovf", "bad"}
+    | {"#nv", "#n/v", "#wert!", "#zahl!", "#bezug!", "no data", "nodata", "*", "---", "--.--"}
 )
 # A line of a table has some hundred characters.
 _LINE_CHARACTERS = 1 << 20
@@ -60,6 +61,7 @@ _UNIT = re.compile(
 )
 _NAME_AND_UNIT = re.compile(r"\S+(?: +[\[(][^\])]*[\])])?")
 _NAME = re.compile(r".*[^\W\d].*")
+_TIME_NAME = re.compile(r"[\W_]*(t|time|time ?stamp|zeit)([\W_].*)?", re.IGNORECASE)
 # First bytes of files that are called or taken for text, and what to do.
 _BINARY = (
     (b"PK\x03\x04", "is an Excel or OpenDocument workbook or a zip file: save its sheet as CSV"),
@@ -143,8 +145,9 @@ class Layout:
     def unit_s(self, name: str) -> float | None:
         """Return the unit of time that a column's name or the line below tells, s."""
         unit = self.unit(name).strip("()[] ")
+        inside = (f"t [{each}]" for each in re.findall(r"[\[(](\w+)[\])]", name))
         # A column of a counter may have its unit for a name, as micros.
-        told = (name, f"t [{unit}]" if unit else "", f"t [{name}]")
+        told = (name, f"t [{unit}]" if unit else "", f"t [{name}]", *inside)
         return next(filter(None, map(time_unit_s, told)), None)
 
     def rows(self, lines: Iterable[str], first: int) -> Iterator[tuple[int, list[str]]]:
@@ -206,6 +209,7 @@ def lines_of(file: TextIO, path: Path) -> Iterator[str]:
     Zero bytes end it, as a computer that lost its power leaves them behind the last row.
     """
     while line := file.readline(_LINE_CHARACTERS):
+        line = line.replace("\u2212", "-")
         text, zero, _ = line.partition("\0")
         if zero:
             if text:
@@ -419,6 +423,7 @@ def _named(
 ) -> tuple[list[str], list[str]]:
     """Return the names in the lines above the rows, and the units between them."""
     units: list[str] = []
+    named: tuple[list[str], list[str]] | None = None
     fallback: list[str] = []
     for k in reversed(above):
         cells = _header_cells(head[k], separator, width)
@@ -427,13 +432,16 @@ def _named(
         if len(cells) >= width and not units and _are_units(cells[:width]):
             units = cells[:width]
         elif len(cells) >= width and any(map(_NAME.fullmatch, cells)):
-            return cells, units
-        elif len(cells) == width - 1 and len(cells) > 1:
+            # Programs put lines of types and ways between the names and the rows.
+            if any(map(_TIME_NAME.fullmatch, cells)) and not any(map(is_value, cells)):
+                return cells, units
+            named = named or (cells, units)
+        elif len(cells) == width - 1 and len(cells) > 1 and not named:
             # Names of rows have no name themselves.
             return ["", *cells], units
         elif len(cells) > 1 and not fallback and all(map(_NAME.fullmatch, cells)):
             fallback = cells
-    return (units or fallback), []
+    return named or ((units or fallback), [])
 
 
 def _empty_ends(head: Sequence[str], rows: Sequence[int], separator: str) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_bags.reader import Channels, Recorded
-from flexarm_ident.importing.csv_columns import named_columns, unused_time, with_units
+from flexarm_ident.importing.csv_columns import named_columns, other_clocks, unused_time, with_units
 from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, CsvMap, is_rate, unit_notes
 from flexarm_ident.importing.csv_resampling import on_one_grid, resampled
@@ -126,6 +126,7 @@ def csv_record(path: Path, mapping: CsvMap) -> CsvRecord:
     table = read_table(path, mapping, layout)
     inputs, outputs, found = _signals(table, mapping)
     notes = (*table.cut, *unit_notes(mapping), *unused_time(path, mapping, layout))
+    notes += other_clocks(path, mapping, layout)
     if table.own_instants:
         notes += (f"each column has its own rows: put on one grid of {found.rate_hz:g} Hz",)
     elif mapping.resamples:

@@ -114,8 +114,12 @@ def _of_rounded_times(times_s: FloatArray, usual_s: float) -> Sampling | None:
         return None
     within = np.abs(steps_s - mean_s) <= _A_DIGIT * digit_s
     places = np.concatenate([[0.0], np.cumsum(np.where(within, 1.0, np.rint(steps_s / mean_s)))])
-    slope_s, start_s = np.polyfit(places, times_s - times_s[0], 1)
-    off_s = times_s - times_s[0] - start_s - slope_s * places
+    # Of the rows that share a stamp only the first is at it: the others would bias the slope.
+    new = 1 + np.flatnonzero(steps_s > 0.0)
+    if len(new) < 2:  # noqa: PLR2004 - a line needs two points
+        return None
+    slope_s, _ = np.polyfit(places[new], times_s[new] - times_s[0], 1)
+    off_s = times_s - times_s[0] - slope_s * places
     if np.ptp(off_s) > _TWO_DIGITS * digit_s or places[-1] > 2.0 * len(times_s):
         return None
     if np.diff(places).min() < 1.0:

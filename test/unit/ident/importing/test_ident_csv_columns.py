@@ -9,9 +9,11 @@ import pytest
 from flexarm_ident.importing.csv_columns import TableColumns, named_columns, unused_time
 from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+from flexarm_ident.importing.csv_record import csv_record
 from flexarm_ident.importing.csv_table import column_names
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 
@@ -27,6 +29,7 @@ def table(folder: Path, header: str) -> Path:
         *("t", "time", "Time", "time_s", "t_s", "Time [s]", "time (sec)", "timestamp", "seconds"),
         *("ms", "__time", "X_Value", "Elapsed Time [ms]", "time_stamp"),
         *("time_ms", "t [ms]", "T/ms", "Zeit", "t_min", "timestamp_ns"),
+        *("Latest: Time (s)", "Time (s) Run #1", "time#1", "Run 1 time"),
     ],
 )
 def test_named_columns__usual_name_of_the_time___is_taken(tmp_path: Path, time: str) -> None:
@@ -77,6 +80,28 @@ def test_column_names__data_frame_without_names___are_its_counted_columns(tmp_pa
 def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:
     with pytest.raises(CsvImportError, match=r"run\.csv: cannot be read as CSV"):
         named_columns(tmp_path / "run.csv", TableColumns(("i",), ("q",)))
+
+
+@pytest.mark.parametrize(
+    ("own", "told"),
+    [
+        (lambda k: 0.02 * k + 7.0, True),
+        (lambda k: 0.010001 * k + 7.0, False),
+        (lambda k: 1e7 * k + 1.7e18, False),
+        (lambda k: 0.0 * k, False),
+        (lambda k: -0.02 * k, False),
+        (lambda k: 1.0 * k, False),
+    ],
+    ids=["half the rate", "same rate", "nanoseconds", "constant", "backwards", "count"],
+)
+def test_other_clocks___second_device_in_the_rows___is_told(
+    tmp_path: Path, *, own: Callable[[int], float], told: bool
+) -> None:
+    rows = [f"{0.01 * k},{k % 3},{k % 7},{own(k)!r}" for k in range(50)]
+    (tmp_path / "run.csv").write_text("\n".join(["t,u,q,t_imu", *rows]) + "\n")
+    mapping = named_columns(tmp_path / "run.csv", TableColumns(("u",), ("q",)))
+    notes = csv_record(tmp_path / "run.csv", mapping).notes
+    assert any("t_imu is a clock of another rate than t" in note for note in notes) == told
 
 
 @pytest.mark.parametrize(

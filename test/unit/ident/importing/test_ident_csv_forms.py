@@ -9,7 +9,6 @@ import pytest
 
 from flexarm_bags.reader import opened
 from flexarm_ident import read_bag
-from flexarm_ident.importing.csv_clock import clock_s, is_clock
 from flexarm_ident.importing.csv_columns import TableColumns, named_columns
 from flexarm_ident.importing.csv_import import import_csv
 from flexarm_ident.importing.csv_layout import CsvImportError
@@ -278,6 +277,20 @@ FORMS: dict[str, tuple[str, float]] = {
         ),
         200.0,
     ),
+    "durations": (joined("Time,u,y1,y2\n", ",", cells(lambda k: f"{5 * k / 1000:g} sec")), 200.0),
+    "minus of print": (joined("t,u,y1,y2\n", ",", cells()).replace("-", "\u2212"), 200.0),
+    "name of a run": (
+        joined("Time (ms) Run #1,u,y1,y2\n", ",", cells(lambda k: f"{5 * k}")),
+        200.0,
+    ),
+    "types below the names": (
+        joined(
+            "time,u,y1,y2\nType: double,Type: double,,\nInterp: linear,Interp: zoh,,\ns,V,deg,A\n",
+            ",",
+            cells(),
+        ),
+        200.0,
+    ),
     "names twice": (
         joined("t,u,y1,y2\n", ",", [*cells()[:200], ["t", "u", "y1", "y2"], *cells()[200:]]),
         200.0,
@@ -448,36 +461,6 @@ def test_times___at_steps_that_people_choose___are_taken_whatever_the_names(
 
 
 @pytest.mark.parametrize(
-    ("text", "since_s"),
-    [
-        ("1970-01-01T00:00:01Z", 1.0),
-        ("1970-01-02 00:00:00.123456789", 86400.123456789),
-        ("1970-01-01 02:00:00+02:00", 0.0),
-        ("1970-01-01 01:30:00-0130", 10800.0),
-        ("02.01.1970 00:00:00,5", 86400.5),
-        ("1/2/1970 12:00:01 AM", 86401.0),
-        ("1/2/1970 1:00 PM", 133200.0),
-        ("13/1/1970 0:00", 1036800.0),
-        ("23:59:59.25", 86399.25),
-        ("01:02.5", 62.5),
-        ("02-Jan-1970 00:00:01.5", 86401.5),
-        ("02.01.70 00:00:01:250", 86401.25),
-        ("2 days 00:00:01", 172801.0),
-    ],
-)
-def test_clock___in_a_usual_form___is_its_seconds(text: str, since_s: float) -> None:
-    assert is_clock(text)
-    assert clock_s(text) == pytest.approx(since_s, abs=1e-9)
-
-
-@pytest.mark.parametrize("text", ["", "Z", "1.5", "-3", "1:2:3:4", "noon", "1e-5", "192.168.0.1"])
-def test_clock___that_is_none___is_refused(text: str) -> None:
-    assert not is_clock(text)
-    with pytest.raises(ValueError, match=r".*"):
-        clock_s(text)
-
-
-@pytest.mark.parametrize(
     ("last", "first", "said"),
     [(300, 0, r"line 302: .* make a file of each run"), (100, 99, r"line 102: .* keep one")],
 )
@@ -489,7 +472,13 @@ def test_times___that_do_not_rise___are_refused_with_their_line(
         imported(tmp_path, text)
 
 
-@pytest.mark.parametrize("cell", ["?", "#DIV/0!", "1.#QNAN", "OVF", "<missing>", "-"])
+@pytest.mark.parametrize(
+    "cell",
+    [
+        *("?", "#DIV/0!", "1.#QNAN", "OVF", "<missing>", "-", "Bad", "No Data", "--.--", "*"),
+        *("#NV", "#N/V", "#WERT!"),
+    ],
+)
 def test_word___that_a_program_writes_for_no_number___is_a_hole(tmp_path: Path, cell: str) -> None:
     rows = cells()
     rows[50][2] = cell
