@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from flexarm_core.rig_description import described
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
+
+if TYPE_CHECKING:
+    from flexarm_core.rig_description import RigDescription
 
 RATE_HZ = 200.0
 RIG = described(
@@ -41,10 +44,11 @@ def complaints(
     samples: int,
     stuck_samples: int = 0,
     absent: tuple[str, ...] = (),
+    rig: RigDescription = RIG,
     **courses: float | np.ndarray,
 ) -> list[tuple[int, str]]:
     """Return the samples with a complaint, for courses of some outputs beside the others' rest."""
-    check = SensorCheck(RATE_HZ, SensorLimits(stuck_samples=stuck_samples), absent, RIG)
+    check = SensorCheck(RATE_HZ, SensorLimits(stuck_samples=stuck_samples), absent, rig)
     columns = [
         np.broadcast_to(courses.get(name, REST.get(name, 0.0)), samples)
         for name in RIG.output_names
@@ -129,6 +133,15 @@ def test_angle_and_rate___of_the_second_joint___are_compared_in_si() -> None:
     found = complaints(300, **(turning | {"hub_rpm": -10.0}))
     assert "hub_deg and hub_rpm disagree by 25 degrees" in found[0][1]
     assert complaints(300, absent=("hub_rpm",), **(turning | {"hub_rpm": -10.0})) == []
+
+
+def test_angle_and_rate___of_each_of_two_joints___are_compared_by_themselves() -> None:
+    text = RIG.text.replace("quantity: position, unit: mm", "quantity: angle, unit: deg")
+    rig = described(text.replace("quantity: velocity, unit: mm/s", "quantity: rate, unit: rpm"))
+    turning = 300.0 + 60.0 * np.arange(300) / RATE_HZ
+    found = complaints(300, rig=rig, hub_deg=turning, hub_rpm=-10.0)
+    assert "hub_deg and hub_rpm disagree by 25 degrees" in found[0][1]
+    assert complaints(300, rig=rig, hub_deg=turning, hub_rpm=10.0) == []
 
 
 def test_position_and_velocity___of_a_joint_that_slides___are_not_compared() -> None:
