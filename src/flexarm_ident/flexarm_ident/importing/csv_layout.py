@@ -466,7 +466,9 @@ def _header_cells(line: str, separator: str, width: int) -> list[str]:
     if separator == " ":
         splits.append(_NAME_AND_UNIT.findall(text))
     fits = [cells for cells in splits if len(cells) == width]
-    return [cell.strip() for cell in (fits or splits)[0]]
+    found = [cell.strip() for cell in (fits or splits)[0]]
+    # A comment of other lengths is a sentence.
+    return [] if mark and len(_filled(found)) not in (width - 1, width) else found
 
 
 def _are_units(cells: Sequence[str]) -> bool:

@@ -77,6 +77,12 @@ def test_column_names__data_frame_without_names___are_its_counted_columns(tmp_pa
     assert column_names(table(tmp_path, "0,1,2,3")) == ["0", "1", "2", "3"]
 
 
+def test_column_names__sentences_in_comments___are_none(tmp_path: Path) -> None:
+    text = "# Created by Octave 8.4.0, Fri Dec 19\n# type: matrix\n# columns: 4"
+    names = column_names(table(tmp_path, text))
+    assert names == ["column_1", "column_2", "column_3", "column_4"]
+
+
 def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:
     with pytest.raises(CsvImportError, match=r"run\.csv: cannot be read as CSV"):
         named_columns(tmp_path / "run.csv", TableColumns(("i",), ("q",)))
