@@ -223,5 +223,5 @@ def _check_cutoff(data: IoData, cutoff_hz: float | None, decimation: int) -> Non
     elif not 0.0 < cutoff_hz < nyquist_hz:
         raise DataError(
             f"{data.label}: cutoff_hz must lie between 0 and the Nyquist frequency "
-            f"{nyquist_hz:g} Hz: {cutoff_hz:g}"
+            f"{nyquist_hz:g} Hz: {cutoff_hz:g}; lower it (--cutoff, 0 for no filter)"
         )

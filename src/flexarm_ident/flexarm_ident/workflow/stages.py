@@ -124,7 +124,7 @@ def run(
             )
         dmv = _validate(model, friction, reduction.x0, prepared)
     powers = [_deviation_power(record.whole) for record in prepared]
-    sfv, omitted = (None, []) if friction else _set_point_following(model, prepared[0])
+    sfv, omitted = (None, []) if friction else _set_point_following(model, prepared[0], request)
     report("validation", 1.0)
     return Outcome(
         request=request,
@@ -293,14 +293,16 @@ def _fit_error(model: control.StateSpace, records: Sequence[IoData]) -> float:
 
 
 def _set_point_following(
-    model: control.StateSpace, record: _Record
+    model: control.StateSpace, record: _Record, request: Request
 ) -> tuple[Sfv | None, list[str]]:
     if record.shown.reference is None:
         return None, []
     law = recover_gains(record.shown)
     if law is None:
-        made = "no linear law of position, speed and middle strain made the recorded effort"
-        return None, [f"no set-point following validation: {made}"]
+        why = "no linear law of position, speed and middle strain made the recorded effort"
+        if request.cutoff_hz and not request.filter_input:
+            why = "the outputs alone are filtered, and the law heard them raw; --cutoff 0 has it"
+        return None, [f"no set-point following validation: {why}"]
     try:
         return validate_sfv(model, record.shown, law), []
     except IdentificationError as error:

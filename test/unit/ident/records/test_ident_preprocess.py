@@ -89,7 +89,7 @@ def test_preprocess___input_and_outputs_filtered_alike___model_is_the_same() -> 
 
 
 def test_preprocess___cutoff_not_below_nyquist___raises() -> None:
-    with pytest.raises(DataError, match="Nyquist frequency 150 Hz: 150"):
+    with pytest.raises(DataError, match="Nyquist frequency 150 Hz: 150; lower it"):
         preprocess(rested(), cutoff_hz=150.0)
     with pytest.raises(DataError, match=r"Nyquist frequency 37\.5 Hz: 50"):
         preprocess(rested(), cutoff_hz=50.0, decimation=4)

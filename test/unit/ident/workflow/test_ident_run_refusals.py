@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,31 @@ def test_run___input_of_no_linear_law___note_asks_for_nothing_that_cannot_be_giv
     assert outcome.warnings[-1] == (
         "information: no set-point following validation: no linear law of position, speed and "
         "middle strain made the recorded effort"
+    )
+
+
+def test_run___filter_on_the_outputs_alone___is_why_the_law_is_not_found() -> None:
+    a = np.array([[1.0, 0.01, 0.0], [0.0, 0.95, 0.0], [0.0, 0.3, 0.5]])
+    x, noise = np.zeros(3), 0.01 * np.random.default_rng(2).standard_normal((1200, 3))
+    reference = np.where(np.arange(1200) // 200 % 2, -1.0, 1.0)
+    u, y = np.empty((1200, 1)), np.empty((1200, 3))
+    for k in range(1200):
+        y[k] = x + noise[k]
+        u[k] = 2.0 * (reference[k] - y[k, 0]) - 0.1 * y[k, 1]
+        x = a @ x + np.array([0.0, 0.1, 1.0]) * u[k]
+    outputs = ("position_v", "speed_v", "middle_strain_v")
+    record = IoData(u, y, dt_s=0.01, outputs=outputs, reference=reference)
+    request = Request(
+        method="orse", order=3, block_rows=10, feedthrough="no", cutoff_hz=20.0, friction=False
+    )
+    found = run(record, request).sfv
+    assert found is not None
+    assert (found.gains.kp, found.gains.kd) == pytest.approx((2.0, 0.1))
+    outputs_alone = run(record, replace(request, filter_input=False))
+    assert outputs_alone.sfv is None
+    assert outputs_alone.warnings[-1] == (
+        "information: no set-point following validation: the outputs alone are filtered, and the "
+        "law heard them raw; --cutoff 0 has it"
     )
 
 
