@@ -61,7 +61,7 @@ _UNIT = re.compile(
 )
 _NAME_AND_UNIT = re.compile(r"\S+(?: +[\[(][^\])]*[\])])?")
 _NAME = re.compile(r".*[^\W\d].*")
-_TIME_NAME = re.compile(r"[\W_]*(t|time|time ?stamp|zeit)([\W_].*)?", re.IGNORECASE)
+_TIME_NAME = re.compile(r"[\W_]*(t|time|time ?stamp|zeit|x_value)([\W_].*)?", re.IGNORECASE)
 # First bytes of files that are called or taken for text, and what to do.
 _BINARY = (
     (b"PK\x03\x04", "is an Excel or OpenDocument workbook or a zip file: save its sheet as CSV"),
@@ -432,8 +432,10 @@ def _named(
         if len(cells) >= width and not units and _are_units(cells[:width]):
             units = cells[:width]
         elif len(cells) >= width and any(map(_NAME.fullmatch, cells)):
-            # Programs put lines of types and ways between the names and the rows.
-            if any(map(_TIME_NAME.fullmatch, cells)) and not any(map(is_value, cells)):
+            # Programs put lines of types and ways between the names and the rows. Beside a time
+            # there are an input and an output.
+            times = sum(map(bool, map(_TIME_NAME.fullmatch, cells)))
+            if 0 < times < len(cells) - 1 and not any(map(is_value, cells)):
                 return cells, units
             named = named or (cells, units)
         elif len(cells) == width - 1 and len(cells) > 1 and not named:

@@ -74,6 +74,7 @@ def echo_2() -> str:
 LVM = (
     "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t,\n"
     "***End_of_Header***\t\n\t\nChannels\t3\t\nSamples\t400\t400\t400\nDelta_X\t0,005\t0,005\t0,005\n"
+    "X_Dimension\tTime\tTime\tTime\n"
     "***End_of_Header***\t\t\nX_Value\tu\ty1\ty2\tComment\n"
 )
 QUOTED = [[f'"{cell}"' for cell in row] for row in cells()]
