@@ -74,6 +74,7 @@ def test_sign_test___wins___have_the_probability_of_coins() -> None:
 
 def test_texts___of_evidence() -> None:
     assert p_text(0.0123) == "p = 0.012"
+    assert p_text(2e-4) == "p = 0.0002"
     assert p_text(1e-9) == "p < 0.0001"
     assert spread([3.0, 1.0, 2.0], ".1f") == "2.0 (1.0 to 3.0)"
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from reproduction.framework.verdicts import (
     Beside,
+    Judgement,
     Statement,
     Verdict,
     all_of,
@@ -144,6 +145,8 @@ def test_judged___by_construction___is_told_of_an_agreement_only() -> None:
 def test_judged___without_parts___is_refused() -> None:
     with pytest.raises(ValueError, match="cannot be judged"):
         judged(evidence="Nothing.")
+    with pytest.raises(ValueError, match="what it rests on"):
+        Judgement(Verdict.DIFFERS, " ")
 
 
 def test_beside___distances___are_those_of_a_calculation_by_hand() -> None:
