@@ -15,7 +15,9 @@ from flexarm_control.servo.robustness import (
     ROBUSTNESS,
     SPREAD,
     at_bandwidth,
+    attainable_hz,
     choose_bandwidth,
+    slowest_vibration_hz,
 )
 from flexarm_control.servo.set_point import plan_for
 from flexarm_control.servo.twin import TWINS, Twin, perturbed, step_results, step_run
@@ -214,7 +216,7 @@ def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesig
         choice = choose_bandwidth(plants, tracked, robustness=request.robustness, limits=limits)
     else:
         choice = at_bandwidth(plants, tracked, request.bandwidth_hz, limits=limits)
-    notes = (choice.caution, *notes) if choice.caution else notes
+    notes = tuple(filter(None, (choice.caution, _backwards(plants, tracked), *notes)))
     gains = _gains(choice, first, limits)
     servo = Servo(gains)
     steps = _steps(first, tracked)
@@ -228,6 +230,20 @@ def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesig
     )
     results = step_results(servo, run, steps)
     return ServoDesign(gains, choice, plants, twin, steps, run, results, others, notes)
+
+
+def _backwards(plants: Mapping[str, control.StateSpace], tracked: Sequence[int]) -> str:
+    """Return what zeros outside the unit circle leave, where it is less than the vibrations do."""
+    left = {name: attainable_hz(plant, tracked) for name, plant in plants.items()}
+    name = min(left, key=left.__getitem__)
+    if not left[name] < slowest_vibration_hz(plants[name], tracked):
+        return ""
+    outputs = ", ".join(plants[name].output_labels[output] for output in tracked)
+    return (
+        f"{outputs} first moves backwards (non-minimum phase): {name} has a zero outside the unit "
+        f"circle at {2.0 * left[name]:.3g} Hz, which leaves a bandwidth of about "
+        f"{left[name]:.2g} Hz"
+    )
 
 
 def _require_alike(sources: Sequence[Source]) -> None:

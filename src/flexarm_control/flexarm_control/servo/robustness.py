@@ -135,12 +135,31 @@ def slowest_vibration_hz(plant: control.StateSpace, tracked: Sequence[int]) -> f
     its hub was clamped).
     """
     values = np.linalg.eigvals(plant.A).astype(complex)
-    if len(tracked) == plant.ninputs:
-        rows = list(tracked)
-        held = state_space(plant.A, plant.B, plant.C[rows], plant.D[rows], float(plant.dt))
-        values = np.concatenate([values, held.zeros().astype(complex)])
-    speeds = [abs(np.log(value)) for value in _vibrating(values)]
+    vibrating = _vibrating(np.append(values, _zeros(plant, tracked)))
+    speeds = [abs(np.log(value)) for value in vibrating]
     return float(min(speeds, default=np.inf) / (2.0 * np.pi * plant.dt))
+
+
+def attainable_hz(plant: control.StateSpace, tracked: Sequence[int]) -> float:
+    """Return the bandwidth that real zeros outside the unit circle leave, Hz; infinite without one.
+
+    An output with such a zero first answers backwards (non-minimum phase), as the tip of a flexible
+    arm does. It leaves no controller much more than half of its frequency (Skogestad and
+    Postlethwaite, "Multivariable feedback control", section 5.7, 2005). Negative zeros come from
+    sampling and limit nothing.
+    """
+    zeros = _zeros(plant, tracked)
+    outside = zeros.real[(zeros.real > 1.0) & (zeros.imag == 0.0)]
+    return float(np.log(outside).min(initial=np.inf) / (4.0 * np.pi * plant.dt))
+
+
+def _zeros(plant: control.StateSpace, tracked: Sequence[int]) -> ComplexArray:
+    """Return the zeros from the inputs to as many tracked outputs; none for fewer of them."""
+    if len(tracked) != plant.ninputs:
+        return np.zeros(0, dtype=complex)
+    rows = list(tracked)
+    held = state_space(plant.A, plant.B, plant.C[rows], plant.D[rows], float(plant.dt))
+    return np.asarray(held.zeros(), dtype=complex)
 
 
 def loop_margin(found: Regulator, plant: control.StateSpace) -> LoopMargin:

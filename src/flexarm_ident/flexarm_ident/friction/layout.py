@@ -19,6 +19,8 @@ from flexarm_ident.records.signals import bandwidth_hz, smoothed
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
 
@@ -26,7 +28,8 @@ if TYPE_CHECKING:
 _SLOW = 0.5
 # Correlation of an input with the speed of its position, at least.
 _WORK = 0.1
-# An output that follows a position's speed as closely as this is a speed sensor.
+# An output that follows a position's speed as closely as this is a speed sensor, and one that
+# follows the position tells the same motion.
 _SAME = 0.8
 SMOOTHING = 3.0
 """Cut-off before signals are differentiated, as a multiple of the outputs' bandwidth."""
@@ -110,7 +113,7 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
     size, pace = y.std(axis=0), np.sqrt(np.mean(speed**2, axis=0))
     if np.any(size == 0.0) or np.any(u.std(axis=0) == 0.0):
         return None
-    by_pace = np.argsort(pace / size, kind="stable")
+    by_pace = _collocated(np.argsort(pace / size, kind="stable"), u, y, speed)
     slowest_other = (pace / size)[by_pace[count]]
     positions = np.sort(by_pace[:count])
     apart = bool(np.max((pace / size)[positions]) <= _SLOW * slowest_other)
@@ -136,6 +139,23 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
         if row[k] >= _SAME
     )
     return ArmLayout(drives, speeds), apart
+
+
+def _collocated(
+    by_pace: NDArray[np.intp], u: FloatArray, y: FloatArray, speed: FloatArray
+) -> NDArray[np.intp]:
+    """Return the outputs with those in front that the inputs work on, of several for one motion.
+
+    The tip of an arm moves as its hub does, and where friction acts is told by the hub alone.
+    """
+    count, order = u.shape[1], by_pace.copy()
+    work = np.abs(_correlation(u, speed)).max(axis=0)
+    together = np.abs(_correlation(y, y)) >= _SAME
+    for slot in range(count):
+        others = [k for k in range(count, len(order)) if together[order[slot], order[k]]]
+        best = max((slot, *others), key=lambda k: work[order[k]])
+        order[[slot, best]] = order[[best, slot]]
+    return order
 
 
 def drive_columns(record: IoData, drive: Drive) -> tuple[int, int]:

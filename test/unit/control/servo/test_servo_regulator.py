@@ -18,6 +18,7 @@ from flexarm_control.servo.regulator import (
 )
 from flexarm_control.servo.robustness import (
     BELOW_VIBRATION,
+    attainable_hz,
     choose_bandwidth,
     loop_frequencies_hz,
     loop_margin,
@@ -57,6 +58,38 @@ def test_slowest_vibration___of_a_hub___is_that_with_the_hub_held() -> None:
         {"arm": loop_plant(plant)}, [0], robustness=0.1, limits=np.array([np.inf])
     )
     assert choice.regulator.bandwidth_hz <= slowest_vibration_hz(plant, [0]) / BELOW_VIBRATION
+
+
+def tip_of_an_arm() -> control.StateSpace:
+    """Return the arm seen at its tip, where the vibration has the other sign."""
+    arm = bending_arm(outputs=1)
+    names = {"inputs": arm.input_labels, "outputs": ["tip"]}
+    return control.StateSpace(arm.A, arm.B, [[1.0, 0.0, -1.0, 0.0]], 0.0, DT_S, **names)
+
+
+def test_attainable___of_a_tip___is_half_of_its_zero_outside_the_circle() -> None:
+    # 20 / s^2 - 60 / (s^2 + w^2) is zero at plus and minus w / sqrt(2).
+    assert attainable_hz(tip_of_an_arm(), [0]) == pytest.approx(4.0 / math.sqrt(2.0), rel=2e-2)
+    # A hub has none, nor have fewer set-points than inputs.
+    assert attainable_hz(bending_arm(outputs=1), [0]) == math.inf
+    assert attainable_hz(two_joints(), [0]) == math.inf
+
+
+def test_design_servo___tip___is_told_what_is_attainable() -> None:
+    limits = {"torque": 50.0}
+    hub, tip = (
+        design_servo([Source("arm", arm)], ServoRequest((track,), limits, 1.0))
+        for arm, track in ((bending_arm(), "hub"), (tip_of_an_arm(), "tip"))
+    )
+    assert not any("non-minimum phase" in note for note in hub.notes)
+    (note,) = (note for note in tip.notes if "non-minimum phase" in note)
+    assert "tip first moves backwards" in note
+    assert "zero outside the unit circle at 5.6" in note
+    assert "about 2.8 Hz" in note
+    # It does so on the twin as well, and comes to rest on its set-point.
+    first = tip.run.y[: round(0.05 / DT_S), 0] / tip.steps[0]
+    assert first.min() < -1e-4
+    assert tip.results[0].steady_error == pytest.approx(0.0, abs=1e-3)
 
 
 def test_loop_margin___one_input___is_that_of_python_control() -> None:

@@ -16,7 +16,7 @@ from flexarm_ident.friction.dry_friction import (
     friction_fields,
     simulate_with_friction,
 )
-from flexarm_ident.friction.layout import Drive
+from flexarm_ident.friction.layout import Drive, joints
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.model_parameters import ModelFileError
@@ -43,6 +43,26 @@ def sledge() -> control.StateSpace:
         np.eye(2),
         np.zeros((2, 1)),
     )
+
+
+def test_joints___tip_that_moves_as_the_hub_and_is_slower___is_not_the_joint() -> None:
+    rng = np.random.default_rng(7)
+    samples, hub_kg, tip_kg, spring, loss = 8000, 0.1, 0.3, 30.0, 0.3
+    x, v = np.zeros(2), np.zeros(2)
+    u, y = np.empty(samples), np.empty((samples, 3))
+    push = np.repeat(rng.choice([-2.0, 2.0], samples // 5), 5)
+    for k in range(samples):
+        y[k] = x[1], x[0], x[1] - x[0]
+        goal = 1.0 if (k // 800) % 2 == 0 else -1.0
+        u[k] = 2.0 * (goal - x[0]) - 1.5 * v[0] + push[k]
+        bend = spring * (x[1] - x[0]) + loss * (v[1] - v[0])
+        v = v + DT_S * np.array([(u[k] + bend) / hub_kg, -bend / tip_kg])
+        x = x + DT_S * v
+    record = IoData(u, y, dt_s=DT_S, inputs=("drive",), outputs=("tip", "hub", "bend"))
+
+    pace = np.diff(y, axis=0).std(axis=0) / y.std(axis=0)
+    assert pace[0] < pace[1] < pace[2]
+    assert joints([record]) == (Drive("drive", "hub"),)
 
 
 def dry(level: float, offset: float = 0.0) -> DryFriction:

@@ -87,6 +87,11 @@ _BENCHES = (
         ("--arms 12", "--arms 3 --first-seed 100"),
     ),
     (
+        "tip",
+        "Control of the tip of an arm in MuJoCo beside control of its hub",
+        ("--json out/tip.json",),
+    ),
+    (
         "calibration",
         "Parameters of the study's rig beside the thesis's figures of all chapters",
         ("--docs", "--only noise_v --seeds 2"),

@@ -41,6 +41,10 @@ class MujocoSettings:
         ``jointpos:JOINT`` or ``jointvel:JOINT``.
     noise : tuple of float
         Standard deviation of the noise of each output, in the units of the sensor.
+    delay_s : tuple of float
+        Age of what each output tells, s: a camera's exposure and computation.
+    frame_hz : tuple of float
+        Frames a second of each output, which is held between them; 0 for each sample anew.
     seed : int
         Seed of the noise.
     substeps : int
@@ -55,13 +59,15 @@ class MujocoSettings:
     Raises
     ------
     SettingError
-        If a number is out of range, or the noise is not that of every output.
+        If a number is out of range, or a list has not one for every output.
     """
 
     model: str
     actuators: tuple[str, ...]
     sensors: tuple[str, ...]
     noise: tuple[float, ...] = ()
+    delay_s: tuple[float, ...] = ()
+    frame_hz: tuple[float, ...] = ()
     seed: int = 0
     substeps: int = 0
     payload_body: str = ""
@@ -72,11 +78,13 @@ class MujocoSettings:
         for name in ("seed", "substeps", "payload_kg"):
             if getattr(self, name) < 0:
                 raise SettingError(f"settings.{name} = {getattr(self, name)} must not be negative")
-        if self.noise and (len(self.noise) != len(self.sensors) or min(self.noise) < 0.0):
-            raise SettingError(
-                f"settings.noise needs a number from 0 on for each of the {len(self.sensors)} "
-                f"sensors, got {', '.join(map(str, self.noise))}"
-            )
+        for name in ("noise", "delay_s", "frame_hz"):
+            numbers = getattr(self, name)
+            if numbers and (len(numbers) != len(self.sensors) or min(numbers) < 0.0):
+                raise SettingError(
+                    f"settings.{name} needs a number from 0 on for each of the "
+                    f"{len(self.sensors)} sensors, got {', '.join(map(str, numbers))}"
+                )
         if self.payload_kg and not self.payload_body:
             raise SettingError("settings.payload_kg needs settings.payload_body, which carries it")
 

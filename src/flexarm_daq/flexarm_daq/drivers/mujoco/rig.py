@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
+    from flexarm_core.arrays import FloatArray
     from flexarm_daq.drivers.mujoco.arm import MujocoSettings
+
+# Instants are sums of steps: what is due now is not left to the next sample.
+_ROUNDING = 1e-9
 
 
 class MujocoRig:
@@ -53,7 +58,10 @@ class MujocoRig:
         self.settings = settings
         self._folder = folder
         self.clock = clock
-        self._noise = np.array(settings.noise or [0.0] * len(settings.sensors))
+        each = len(settings.sensors)
+        self._noise = np.array(settings.noise or [0.0] * each)
+        self._delay_s = np.array(settings.delay_s or [0.0] * each)
+        self._frame_hz = np.array(settings.frame_hz or [0.0] * each)
         self._arm: MujocoArm | None = None
 
     @property
@@ -61,27 +69,36 @@ class MujocoRig:
         """Whether time stands still between the samples."""
         return self.clock is None
 
+    @property
+    def arm(self) -> MujocoArm:
+        """The arm itself, without noise and cameras, while the rig is open."""
+        if self._arm is None:
+            raise RigError("the MuJoCo rig is not open: call open() first")
+        return self._arm
+
     def open(self) -> None:
         """Start at the model's rest, at time zero, with the noise's seed; see `Rig.open`."""
         self._arm = MujocoArm(self.settings, self._folder)
         self._random = np.random.default_rng(self.settings.seed)
         self._samples = 0
+        self._taken: deque[tuple[float, FloatArray]] = deque()
         self._moved_s = self.clock() if self.clock is not None else 0.0
 
     def read(self) -> RigSample:
         """Sample the sensors with noise; see `Rig.read`."""
-        arm = self._opened()
+        arm = self.arm
         if self.clock is not None:
             self._follow(arm, self.clock())
         elif self._samples:
             arm.advance(arm.substeps)
         self._samples += 1
         noise = self._noise * self._random.standard_normal(len(self._noise))
-        return RigSample(arm.time_s, arm.outputs() + noise)
+        self._taken.append((arm.time_s, arm.outputs() + noise))
+        return RigSample(arm.time_s, self._told(arm.time_s))
 
     def write(self, commands: Sequence[float]) -> None:
         """Command the actuators, which clip as the model says; see `Rig.write`."""
-        arm = self._opened()
+        arm = self.arm
         values = np.asarray(commands, dtype=float)
         if values.shape != (len(self.settings.actuators),) or not np.isfinite(values).all():
             raise RigError(
@@ -101,10 +118,18 @@ class MujocoRig:
         self.safe_stop()
         self._arm = None
 
-    def _opened(self) -> MujocoArm:
-        if self._arm is None:
-            raise RigError("the MuJoCo rig is not open: call open() first")
-        return self._arm
+    def _told(self, now_s: float) -> FloatArray:
+        """Return what each output tells now: its newest reading that is old enough."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            frames = np.floor((now_s - self._delay_s) * self._frame_hz + _ROUNDING)
+            frame_s = frames / self._frame_hz
+        due_s = np.where(self._frame_hz > 0.0, frame_s, now_s - self._delay_s) + _ROUNDING
+        while len(self._taken) > 1 and self._taken[1][0] <= due_s.min():
+            self._taken.popleft()
+        told = self._taken[0][1].copy()
+        for taken_s, outputs in self._taken:
+            told = np.where(taken_s <= due_s, outputs, told)
+        return told
 
     def _follow(self, arm: MujocoArm, now_s: float) -> None:
         """Move on to an instant of the clock; the rest of a long gap is left out."""

@@ -74,6 +74,32 @@ def run(rig: MujocoRig, commands: FloatArray) -> FloatArray:
     return np.array(samples)
 
 
+@pytest.mark.parametrize(("delay_s", "frame_hz"), [(0.02, 0.0), (0.0, 60.0), (0.013, 100.0)])
+def test_camera___tells_the_frame_that_was_taken_before_its_delay(
+    folder: Path, delay_s: float, frame_hz: float
+) -> None:
+    commands = np.random.default_rng(4).standard_normal((200, 1))
+    plain = spring(noise=(1e-3, 1e-3), seed=5)
+    camera = replace(plain, delay_s=(delay_s, 0.0), frame_hz=(frame_hz, 0.0))
+    direct = run(MujocoRig(plain, folder), commands)
+    seen = run(MujocoRig(camera, folder), commands)
+
+    # Exact in whole microseconds; the first reading stands until the first frame has come.
+    now_us = 2000 * np.arange(len(commands))
+    taken_us = now_us - round(1e6 * delay_s)
+    if frame_hz:
+        frames = (taken_us * round(frame_hz)) // 1_000_000
+        taken_us = frames * 1_000_000 // round(frame_hz)
+    expected = np.maximum(taken_us // 2000, 0)
+    assert seen[:, 0] == pytest.approx(direct[expected, 0], abs=0.0)
+    assert seen[:, 1] == pytest.approx(direct[:, 1], abs=0.0)
+
+
+def test_settings___delays_of_some_outputs_only___are_refused() -> None:
+    with pytest.raises(SettingError, match=r"settings\.delay_s needs a number from 0 on for each"):
+        spring(delay_s=(0.1,))
+
+
 @pytest.mark.parametrize("payload_kg", [0.0, 0.2, 0.4])
 def test_thesis_arm___modes___are_those_of_the_beam_within_a_percent(payload_kg: float) -> None:
     settings = settings_of(MujocoSettings, load_rig("mujoco-thesis"), rate_hz=300.0)
@@ -172,7 +198,7 @@ def test_rig___safe_stop_and_close___put_the_actuators_at_zero(folder: Path) -> 
     rig = MujocoRig(spring(), folder)
     rig.open()
     rig.write([1.0])
-    arm = rig._opened()
+    arm = rig.arm
     assert arm.data.ctrl[0] == pytest.approx(1.0)
     rig.safe_stop()
     assert arm.data.ctrl[0] == pytest.approx(0.0, abs=1e-12)
@@ -236,7 +262,7 @@ def test_model___that_lacks_what_is_named___is_told_in_a_line(
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("name", ["mujoco-thesis", "mujoco-two-link"])
+@pytest.mark.parametrize("name", ["mujoco-thesis", "mujoco-two-link", "mujoco-tip"])
 def test_packaged_rig___read_at_rest___is_complete_and_keeps_its_rate(name: str) -> None:
     description = load_rig(name)
     reading = read_at_rest(driven(description, HERE), description, 0.5)
