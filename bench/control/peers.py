@@ -17,7 +17,7 @@ import numpy as np
 
 from bench.tools import make_table
 from flexarm_control import PdpGains, build_law, margins, nominal_model, step_figures
-from flexarm_control.design.packaged_margins import packaged_margins
+from flexarm_control.design.regulator_margins import packaged_margins
 from flexarm_control.laws.gains import PdGains
 from flexarm_control.laws.law_protocol import Effort
 from flexarm_control.servo.controller import Servo

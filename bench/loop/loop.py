@@ -31,7 +31,7 @@ from bench.tools import json_option, write_json
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.verbs.health import machine_floor
+from flexarm_bringup.verbs.health import realtime
 from flexarm_node import qos
 from flexarm_node.process import prefer_realtime
 
@@ -255,12 +255,12 @@ def beside(work: Any, *arguments: object) -> Iterator[Connection]:  # noqa: ANN4
 def sleep_floor(result: Connection, rate_hz: float, length_s: float) -> None:
     """Send what the bare loop did."""
     prefer_realtime()
-    result.send(machine_floor.sleep_floor(rate_hz, length_s))
+    result.send(realtime.sleep_floor(rate_hz, length_s))
 
 
-def floor_of(result: Connection) -> machine_floor.Floor:
+def floor_of(result: Connection) -> realtime.Floor:
     """Return what the bare loop did, once it has ended."""
-    floor: machine_floor.Floor = result.recv()
+    floor: realtime.Floor = result.recv()
     return floor
 
 

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.design.margins import Margins, loop_margins, margin_frequencies_hz
+from flexarm_control.design.margins import Margins, loop_margins, margin_frequencies_hz, margins
+from flexarm_control.laws.gains import PdpGains
+from flexarm_control.laws.registry import LAWS
 from flexarm_control.laws.regulator_loop import closed_loop, controller_model, pole_radius
 from flexarm_control.models.arm_model import (
     OUTPUTS,
@@ -15,12 +17,15 @@ from flexarm_control.models.arm_model import (
     delayed,
     frequency_response,
 )
+from flexarm_control.models.nominal_models import identified_model
 from flexarm_ident.models.state_space import state_space
 
 if TYPE_CHECKING:
     import control
 
     from flexarm_control.laws.ilqr import IlqrDesign
+
+_PDP = "pdp"
 
 
 class RegulatorLoop:
@@ -50,3 +55,35 @@ class RegulatorLoop:
             np.ones(len(self._frequency_hz), dtype=complex),
             stable=pole_radius(closed_loop(design, self.model)) < 1.0,
         )
+
+
+def packaged_margins(
+    law: str, model: control.StateSpace, *, delay_s: float = 0.0
+) -> Margins | None:
+    """Return the margins of the loop of a law with its own gains, or None for other laws.
+
+    A regulator has the packaged model; one that changes with the payload has no loop of its own.
+
+    Parameters
+    ----------
+    law : str
+        Key of `LAWS`.
+    model : control.StateSpace
+        Model of the arm.
+    delay_s : float
+        Loop delay, s.
+
+    Raises
+    ------
+    SettingError
+        When the model is not one of the arm or the delay is negative.
+    """
+    row = LAWS[law]
+    weights = row.settings[0]()
+    if row.design is not None and row.packaged is None:
+        return RegulatorLoop(model, delay_s=delay_s).margins(
+            row.design(identified_model(), weights)
+        )
+    if row.tuning == _PDP and isinstance(weights, PdpGains):
+        return margins(model, weights, delay_s=delay_s)
+    return None

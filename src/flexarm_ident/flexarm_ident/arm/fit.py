@@ -8,7 +8,7 @@ several starts, drawn around scales from the record.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,12 +16,16 @@ from flexarm_core.errors import IdentificationError
 from flexarm_ident.arm.descent import LAST_STEPS, descend
 from flexarm_ident.arm.equations import FrictionModel
 from flexarm_ident.arm.fitted_records import COST_OF_ZERO_ERROR, simulation_error
-from flexarm_ident.arm.free_hub import without_stiffness
 from flexarm_ident.arm.friction_choice import choose_friction
-from flexarm_ident.arm.level_profile import profile_levels
+from flexarm_ident.arm.level_profile import (
+    _DESCENT,
+    EQUALLY_GOOD,
+    LevelProfile,
+    law_figures,
+    profile_levels,
+)
 from flexarm_ident.arm.random_starts import RandomStarts
 from flexarm_ident.arm.simulation_error import SimulationError, deviations
-from flexarm_ident.arm.untold_filters import observed
 from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
 from flexarm_ident.models.state_space import state_space
@@ -32,11 +36,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
+    from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray, Progress
-    from flexarm_ident.arm.free_hub import Freed
+    from flexarm_ident.arm.equations import FlexibleArm
     from flexarm_ident.arm.friction_choice import FrictionChoice
-    from flexarm_ident.arm.level_profile import LevelProfile
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.records.iodata import IoData
@@ -51,10 +55,15 @@ _BATCHES = 3
 _CONFIRMED = 1.01
 _FIRST_STEPS = 15
 NO_BETTER = "an arm with friction simulates the records no better than the linear model"
-"""Reason why an arm is not taken."""
-_STANDS_OUT = 3.0
 # Part of a level: a friction that is held from sample to sample cost up to 1.4 % in simulation.
 _SYSTEMATIC = 0.015
+_DESCENT = 60
+# A cost that rises by 2 % is an error that rises by 1 %.
+_NOTHING_LOST = 0.02
+
+
+"""Reason why an arm is not taken."""
+_STANDS_OUT = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,3 +290,112 @@ def _friction(problem: SimulationError, profile: LevelProfile, speed: FloatArray
         dependence = Dependence(rises, rise_speeds, loads, scatter[:, 1], scatter[:, 3])
     offsets, offset_deviations = arm.offsets(theta), deviation[arm.blocks["offset"]]
     return DryFriction(levels, offsets, scatter[:, 0], offset_deviations, speed, dependence)
+
+
+class Freed(NamedTuple):
+    """Profile whose best arm has no stiffness at some hubs, and the numbers of their inputs."""
+
+    profile: LevelProfile
+    hubs: tuple[int, ...]
+
+
+def without_stiffness(problem: SimulationError, profile: LevelProfile) -> Freed:
+    """Take out each negative stiffness without which the records are simulated equally well.
+
+    Cables hold a hub by a small stiffness, and a free hub has none. The search may leave a small
+    negative one to either, with which the free motion of the arm grows. An arm that gravity turns
+    over keeps it.
+
+    Parameters
+    ----------
+    problem : SimulationError
+        Simulation error.
+    profile : LevelProfile
+        Its lowest minimum and the laws that are equally good.
+    """
+    best, hubs, tried = profile.best, list[int](), set[int]()
+    first = problem.arm.blocks["stiffness"].start
+    places = np.arange(len(best.theta))
+    # Without one stiffness, the fit may give another one another sign.
+    while left := [hub for hub in _negative(problem, best) if hub not in tried]:
+        hub = left[0]
+        tried.add(hub)
+        theta = best.theta.copy()
+        theta[first + hub] = 0.0
+        free = np.delete(places, [first + each for each in (*hubs, hub)])
+        found = descend(problem, theta, iterations=_DESCENT, free=free)
+        if found.cost <= EQUALLY_GOOD * profile.best.cost:
+            # What does not move has no deviation.
+            matrix = np.zeros_like(profile.best.matrix)
+            matrix[np.ix_(free, free)] = found.matrix
+            best = found._replace(matrix=matrix)
+            hubs.append(hub)
+    own = law_figures(problem.arm.laws(best.theta))
+    lowest, highest = np.minimum(profile.lowest, own), np.maximum(profile.highest, own)
+    return Freed(LevelProfile(best, lowest, highest), tuple(hubs))
+
+
+def _negative(problem: SimulationError, best: Minimum) -> list[int]:
+    """Return the inputs whose hub has a negative stiffness."""
+    found: list[int] = np.flatnonzero(best.theta[problem.arm.blocks["stiffness"]] < 0.0).tolist()
+    return found
+
+
+class Observed(NamedTuple):
+    """States of an arm that a model keeps, and how the outputs follow from these.
+
+    Attributes
+    ----------
+    kept : ndarray of int, (kept,)
+        Places of the states.
+    C : ndarray, (outputs, kept)
+        Output matrix.
+    """
+
+    kept: NDArray[np.intp]
+    C: FloatArray
+
+
+def observed(problem: SimulationError, best: Minimum) -> Observed:
+    """Return the states without those of filters that can be left out.
+
+    A filter that is much faster than the sampling changes nothing. Its states would be modes
+    without a meaning: dead after one sample, or ringing at an alias.
+
+    Parameters
+    ----------
+    problem : SimulationError
+        Simulation error.
+    best : Minimum
+        Its minimum.
+    """
+    arm, states = problem.arm, problem.states(best.theta)
+    C, settled = arm.output_matrix.copy(), _settled(arm, best.theta)
+    kept = np.ones(arm.states, dtype=np.bool_)
+    allowance = _NOTHING_LOST * best.cost
+    for number, output in enumerate(arm.elastic):
+        before, after = (
+            _missed(problem, states, output, row) for row in (C[output], settled[number])
+        )
+        if after - before <= allowance:
+            C[output] = settled[number]
+            kept[arm.filter_states(number)] = False
+    places = np.flatnonzero(kept)
+    return Observed(places, C[:, places])
+
+
+def _settled(arm: FlexibleArm, theta: FloatArray) -> FloatArray:
+    """Return the filtered outputs from the motion alone, (filtered outputs, states)."""
+    rows = np.zeros((len(arm.elastic), arm.states))
+    rows[:, : arm.motions] = arm.settled(theta)[::2]
+    return rows
+
+
+def _missed(
+    problem: SimulationError, states: list[FloatArray], output: int, row: FloatArray
+) -> float:
+    """Return the weighted squared error of an output that is a row times the states."""
+    return sum(
+        float(np.sum((part.weight[:, output] * (x @ row - part.y[:, output])) ** 2))
+        for part, x in zip(problem.parts, states, strict=True)
+    )

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from flexarm_core.errors import IdentificationError
 from flexarm_core.labels import counted
 from flexarm_ident.diagnostics.instability import FAR_OUTSIDE, short_samples
-from flexarm_ident.estimation.candidates import fitted
-from flexarm_ident.estimation.direct_term import calls_for_feedthrough
+from flexarm_ident.estimation.candidates import candidate, fitted
 from flexarm_ident.estimation.identification import Identification
 from flexarm_ident.estimation.simulation_fit import (
     INTEGRATES,
@@ -20,11 +20,18 @@ from flexarm_ident.estimation.simulation_fit import (
     with_friction,
 )
 from flexarm_ident.estimation.streaming import excerpt
-from flexarm_ident.estimation.weighing import Choice, weigh
+from flexarm_ident.estimation.weighing import (
+    Choice,
+    spread,
+    weigh,
+    within_scatter,
+    within_tolerance,
+)
 from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.subspace.choice import estimate, select_method
+from flexarm_ident.subspace.feedback import reaches_inputs
 from flexarm_ident.subspace.methods import AUTO, METHODS
 from flexarm_ident.subspace.order import choose_order, order_above
 from flexarm_ident.subspace.request_check import (
@@ -284,3 +291,34 @@ def _far_outside(A: FloatArray) -> str:
 
 def _silent(_stage: str, _fraction: float) -> None:
     pass
+
+
+def calls_for_feedthrough(chosen: Choice, records: Sequence[IoData], *, stable: bool) -> bool:
+    """Return whether D improves the simulation of records of an open loop.
+
+    Two models of the same A and C are fitted, with and without D, and simulated freely; D is taken
+    when the model without it is worse by more than 3 % and by more than two standard errors, part
+    by part. A controller that answers within the sample makes such a correlation as well, so
+    records of a closed loop are not asked.
+
+    Parameters
+    ----------
+    chosen : Choice
+        Estimator and order without D.
+    records : sequence of IoData
+        The records themselves, or leading parts that fit into memory.
+    stable : bool
+        Whether unstable eigenvalues are moved.
+    """
+    selection, order = chosen
+    if any(record.closed_loop for record in records) or reaches_inputs(selection.gram):
+        return False
+    pieces = spread(records)
+    try:
+        without, direct = (
+            candidate(selection, order, pieces, stable=stable, feedthrough=feedthrough)
+            for feedthrough in (False, True)
+        )
+    except IdentificationError:  # too unstable to simulate
+        return False
+    return not (within_tolerance(without, direct) or within_scatter(without, direct))

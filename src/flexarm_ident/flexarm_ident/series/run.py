@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
 import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flexarm_core.errors import DataError, FlexarmError, one_line
 from flexarm_core.outputs import MARK, require_place
@@ -15,7 +16,6 @@ from flexarm_core.workers import Workers, computed
 from flexarm_ident.job import REPORT_FILE, begun, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.records.span import EVERYTHING, Span
-from flexarm_ident.series.parquet import require_parquet, write_parquet
 from flexarm_ident.series.rows import Row, model_cells, read_rows, write_rows
 from flexarm_ident.series.trend import trend_page, trend_plot
 from flexarm_ident.workflow.stages import run
@@ -31,6 +31,7 @@ TABLE_FILE = "models.csv"
 PARQUET_FILE = "models.parquet"
 TREND_FILE = "trend.svg"
 PAGE_FILE = "index.html"
+_TEXTS = ("bag", "verdict", "method", "failure", "record_sha256", "request_sha256")
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,3 +208,25 @@ def _show(folder: Path, rows: Sequence[Row]) -> None:
     reports = {bag: f"{place}/{REPORT_FILE}" for bag, place in places.items()}
     page = trend_page(rows, picture, reports, TABLE_FILE)
     (folder / PAGE_FILE).write_text(page, encoding="utf-8")
+
+
+def require_parquet() -> None:
+    """Raise a DataError that names the remedy when pyarrow, an optional package, is missing."""
+    _arrow()
+
+
+def write_parquet(table: Path, file: Path) -> None:
+    """Write the CSV table of a series as Parquet: figures as numbers, `begun` as an instant."""
+    arrow = _arrow()
+    csv, parquet = (importlib.import_module(f"pyarrow.{part}") for part in ("csv", "parquet"))
+    types = dict.fromkeys(_TEXTS, arrow.string()) | {"begun": arrow.timestamp("s", tz="UTC")}
+    # An empty cell is a figure that does not exist.
+    options = csv.ConvertOptions(column_types=types, strings_can_be_null=True)
+    parquet.write_table(csv.read_csv(table, convert_options=options), file)
+
+
+def _arrow() -> Any:  # noqa: ANN401 - a module without types
+    try:
+        return importlib.import_module("pyarrow")
+    except ImportError:
+        raise DataError("--parquet needs pyarrow: pip install -r requirements/parquet.in") from None

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import os
 import shlex
+import signal
+import subprocess
+import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -16,7 +22,6 @@ from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 from flexarm_core.patience import Patience
 from flexarm_daq.experiments.catalogue import experiment, on_rig
-from flexarm_live.graph.computation import Computation
 from flexarm_live.graph.situation import EXPERIMENT
 
 if TYPE_CHECKING:
@@ -36,6 +41,9 @@ _ASK_S = 1.0
 _STALLED_S = 30.0
 _SEED = 1
 _NOMINAL = "nominal:"
+_LARGEST_ANSWER = 16_000_000
+_INTERRUPTS = 4
+_AGAIN_S = 0.2
 
 
 class Chain:
@@ -281,3 +289,79 @@ def shown(path: Path) -> str:
     """Return a path as a person would type it: from the working folder, when it is below it."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+class Computation:
+    """Process that computes one request at a time.
+
+    It reads a request as one line of JSON, and writes a line for each stage and one with the result
+    or with the error; an interrupt makes it give up what it computes. It starts with the first
+    request, and goes on waiting for the next one; it ends by itself when none comes for long.
+
+    Parameters
+    ----------
+    module : str
+        Module that serves it; see `work.process`.
+    """
+
+    def __init__(self, module: str) -> None:
+        self._module = module
+        self._process: subprocess.Popen[bytes] | None = None
+
+    async def run(self, request: Mapping[str, Any], report: Report) -> Mapping[str, Any]:
+        """Compute; what is cancelled meanwhile leaves the process ready for the next request.
+
+        Raises
+        ------
+        FlexarmError
+            With the line of the process.
+        """
+        process = self._process
+        if process is None or process.poll() is not None:
+            process = self._process = self._started()
+        answer = asyncio.create_task(_answered(process, request, report))
+        try:
+            said = await asyncio.shield(answer)
+        except asyncio.CancelledError:
+            for _ in range(_INTERRUPTS):
+                # One that comes while an object is finalised is lost.
+                process.send_signal(signal.SIGINT)
+                if (await asyncio.wait({answer}, timeout=_AGAIN_S))[0]:
+                    break
+            if not answer.done() or answer.cancelled() or answer.exception():
+                answer.cancel()
+                # It is in a compiled function, where it would hear no other signal.
+                process.kill()
+                self._process = None
+            raise
+        if "error" in said:
+            raise FlexarmError(said["error"])
+        result: dict[str, Any] = said["result"]
+        return result
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(  # noqa: S603 - our own module
+            [sys.executable, "-m", self._module],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            # It finds the packages where this process found them.
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        )
+
+
+async def _answered(
+    process: subprocess.Popen[bytes], request: Mapping[str, Any], report: Report
+) -> Mapping[str, Any]:
+    """Return the last line that answers a request."""
+    assert process.stdin is not None  # noqa: S101 - piped
+    assert process.stdout is not None  # noqa: S101 - piped
+    with suppress(BrokenPipeError):
+        process.stdin.write(json.dumps(request).encode() + b"\n")
+        process.stdin.flush()
+    while line := await asyncio.to_thread(process.stdout.readline, _LARGEST_ANSWER):
+        said: dict[str, Any] = json.loads(line)
+        if "stage" not in said:
+            return said
+        report(said["stage"], said["fraction"], said["found"])
+    await asyncio.to_thread(process.wait)
+    raise FlexarmError("the computation has ended without a result: see the log of node live")

@@ -3,8 +3,7 @@ from __future__ import annotations
 import pytest
 
 from flexarm_control.design.margins import margins
-from flexarm_control.design.packaged_margins import packaged_margins
-from flexarm_control.design.regulator_margins import RegulatorLoop
+from flexarm_control.design.regulator_margins import RegulatorLoop, packaged_margins
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.laws.ilqr import IlqrWeights, design_ilqr
 from flexarm_control.laws.registry import LAWS

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from flexarm_control.laws.soft_bound import least_correction
+from flexarm_control.laws.strain_limit import least_correction
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray

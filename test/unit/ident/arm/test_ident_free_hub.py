@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from flexarm_ident.arm.equations import FlexibleArm
-from flexarm_ident.arm.fit import fit_arm
-from flexarm_ident.arm.free_hub import without_stiffness
+from flexarm_ident.arm.fit import fit_arm, without_stiffness
 from flexarm_ident.arm.level_profile import LevelProfile, law_figures
 from flexarm_ident.friction.layout import Drive
 from support.quadratic_costs import Bowl

@@ -14,7 +14,6 @@ from flexarm_ident.report.plots.axis import Axis, SecondUnit
 from flexarm_ident.report.plots.frequency_plot import frequency_plot
 from flexarm_ident.report.plots.marks import HEIGHT, WIDTH, between, dots, line
 from flexarm_ident.report.plots.order_plots import cost_plot, singular_value_plot
-from flexarm_ident.report.plots.pole_plots import damping_plot, pole_plot, pole_zero_plot
 from flexarm_ident.report.plots.time_plots import (
     ARM_UNITS,
     Match,
@@ -23,6 +22,7 @@ from flexarm_ident.report.plots.time_plots import (
     match_plot,
     near_plot,
 )
+from flexarm_ident.report.sections.poles import damping_plot, pole_plot, pole_zero_plot
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 from support.step_plots import a_step, times
 

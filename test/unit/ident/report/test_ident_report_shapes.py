@@ -9,8 +9,7 @@ import pytest
 
 from flexarm_ident.models.mode_shapes import ModeShape
 from flexarm_ident.report.content.blocks import Plots, Subject, Table, Words
-from flexarm_ident.report.plots.shape_plot import shape_plot
-from flexarm_ident.report.sections.shapes import SECTION
+from flexarm_ident.report.sections.shapes import SECTION, shape_plot
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 from support.ident_systems import named, random_model, record

@@ -9,11 +9,10 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData, identify
-from flexarm_ident.subspace.choice import select_method
+from flexarm_ident.subspace.choice import select_method, whiteness_test
 from flexarm_ident.subspace.feedback import feedback_test, reaches_inputs
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.orse import innovation_scaled
-from flexarm_ident.subspace.whiteness import whiteness_test
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 Q, COLUMNS = 20, 4000

@@ -14,7 +14,7 @@ from flexarm_core.errors import FlexarmError
 from flexarm_live.graph.dropped import signals_of
 from flexarm_live.graph.store import Store
 from flexarm_live.serving import desk
-from flexarm_live.serving.received_file import receive_file
+from flexarm_live.serving.desk import receive_file
 from support.live_server import PATIENCE_S, TOKEN, LiveServer, MemoryLaboratory, live_server, until
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from flexarm_bringup.verbs.simulated.run_settings import (
 )
 from flexarm_bringup.verbs.simulated.simulated_run import REPLY_DELAY_S
 from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V, versions
-from flexarm_control.design.packaged_margins import packaged_margins
+from flexarm_control.design.regulator_margins import packaged_margins
 from flexarm_control.design.requirements import Requirements
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.registry import LAWS

@@ -10,11 +10,12 @@ from flexarm_core.labels import label_and_unit
 from flexarm_ident.fitting.validation import rms
 from flexarm_ident.models.mode_shapes import mode_shapes
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
-from flexarm_ident.report.plots.axis import plain
-from flexarm_ident.report.plots.shape_plot import shape_plot
+from flexarm_ident.report.plots import marks
+from flexarm_ident.report.plots.axis import Axis, plain
+from flexarm_ident.report.plots.chart import Note, Panel, View, chart
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from flexarm_ident.models.mode_shapes import ModeShape
     from flexarm_ident.report.content.blocks import Block, Subject
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
 _SHAPES, _OUTPUTS = 6, 6
 _HALF_TURN = 180
 _TWO_DECIMALS = 0.1
+_SIZE = "height:9rem"
+_HALF_WIDTH = 0.3
+_LOW, _HIGH = -1.45, 1.15
+_NAMES_AT = -1.4
 
 
 def _build(subject: Subject) -> Iterator[Block]:
@@ -72,3 +77,38 @@ def _applies(subject: Subject) -> bool:
 
 
 SECTION = Section(35, "Mode shapes", _build, _applies)
+
+
+def shape_plot(shape: ModeShape, outputs: Sequence[str]) -> str:
+    """Plot the shape of a mode, a bar for each output.
+
+    The script of the page moves the bars through a period by the amplitudes written here.
+
+    Parameters
+    ----------
+    shape : ModeShape
+        The shape.
+    outputs : sequence of str
+        Names of the outputs.
+    """
+    place = np.arange(1.0, len(outputs) + 1.0)
+    gap = np.full(len(place), np.nan)
+    left, right, zero = place - _HALF_WIDTH, place + _HALF_WIDTH, np.zeros(len(place))
+    across = np.stack([left, left, right, right, gap], axis=1).ravel()
+    real, imaginary = shape.values.real, shape.values.imag
+    up = np.stack([zero, real, real, zero, gap], axis=1).ravel()
+    low, high = 0.5, len(place) + 0.5
+    found = [
+        marks.Mark("area", marks.BAND, across, up, "in phase"),
+        marks.line([low, high], [0.0, 0.0], marks.THIN),
+        marks.dots(place, imaginary, marks.DOT, "a quarter period ahead"),
+    ]
+    names = [label_and_unit(name)[0] for name in outputs]
+    notes = [Note(float(i), _NAMES_AT, name) for i, name in zip(place, names, strict=True)]
+    words = f"shape of the mode at {shape.frequency_hz:.4g} Hz over {len(names)} outputs"
+    panel = Panel(Axis("amplitude", _LOW, _HIGH, step=0.5), found, _SIZE, notes)
+    # Names stand in the place of ticks: no multiple of that step lies on the axis.
+    drawn = chart(View(words, Axis("", low, high, step=2.0 * len(place)), [panel]))
+    parts = np.stack([real, imaginary], axis=1).ravel()
+    amplitudes = " ".join(f"{part:.4f}" for part in parts)
+    return f'<div class="shape" data-shape="{amplitudes}">{drawn}</div>'

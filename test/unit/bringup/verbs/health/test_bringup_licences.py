@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 import pytest
 from click.testing import CliRunner
 
-from flexarm_bringup.verbs.health.doctor import doctor
-from flexarm_bringup.verbs.health.licences import UNSTATED, Licensed, licence_name, summary
+from flexarm_bringup.verbs.health.doctor import UNSTATED, Licensed, doctor, licence_name, summary
 
 if TYPE_CHECKING:
     from pathlib import Path

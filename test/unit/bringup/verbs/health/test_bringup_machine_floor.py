@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from flexarm_bringup.verbs.health.machine_floor import Floor, sleep_floor
+from flexarm_bringup.verbs.health.realtime import Floor, sleep_floor
 from flexarm_node.statistics import Percentiles
 
 

@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 from flexarm_bringup.verbs.health import realtime
 from flexarm_bringup.verbs.health.doctor import doctor
-from flexarm_bringup.verbs.health.machine_floor import Floor
+from flexarm_bringup.verbs.health.realtime import Floor
 from flexarm_node.statistics import Percentiles
 
 
