@@ -49,12 +49,9 @@ class CrossValidation:
     error : ndarray, (outputs,)
         Simulation error over all blocks together, relative to the deviation about the mean; NaN for
         a constant output.
-    block_errors : ndarray, (blocks, outputs)
-        The same of each block; infinite where an output is constant throughout it.
     """
 
     error: FloatArray
-    block_errors: FloatArray
 
 
 def without_blocks(
@@ -162,12 +159,10 @@ def _judged(
         scatter, level = (np.nansum(each**2, axis=0) for each in (deviation, measured))
         power.append(np.where(scatter > _ROUNDING * level, scatter, 0.0))
     total = np.sum(power, axis=0)
-    error = np.where(total > 0.0, _relative(np.sum(missed, axis=0), total), np.nan)
+    part = np.divide(
+        np.sum(missed, axis=0), total, out=np.full_like(total, np.nan), where=total > 0.0
+    )
+    error = np.sqrt(part)
     if np.any(np.isinf(error)):
         raise IdentificationError("a model that was fitted without a block cannot be simulated")
-    return CrossValidation(error, _relative(np.array(missed), np.array(power)))
-
-
-def _relative(missed: FloatArray, power: FloatArray) -> FloatArray:
-    empty = np.where(missed > 0.0, np.inf, 0.0)
-    return np.asarray(np.sqrt(np.divide(missed, power, out=empty, where=power > 0.0)))
+    return CrossValidation(error)

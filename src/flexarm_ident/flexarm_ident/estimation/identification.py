@@ -80,12 +80,6 @@ class Identification:
         Singular values of (2-21), descending.
     fit_error : ndarray, (outputs,)
         Relative simulation error of each output over the records (2-25).
-    input_condition : float
-        Condition number of the inputs' product matrix U U'.
-    fit_rank : int
-        Numerical rank of the regression for B and x0.
-    fit_condition : float
-        Condition number of the regression for B and x0.
     stable : bool
         Whether unstable eigenvalues were to be moved into the unit circle.
     moved_eigenvalues : int
@@ -120,9 +114,6 @@ class Identification:
     block_rows: int
     singular_values: FloatArray
     fit_error: FloatArray
-    input_condition: float
-    fit_rank: int
-    fit_condition: float
     stable: bool
     moved_eigenvalues: int
     notes: tuple[str, ...]

@@ -26,15 +26,13 @@ from flexarm_core.errors import IdentificationError
 from flexarm_ident.subspace.feedback import reaches_inputs
 from flexarm_ident.subspace.gram import equilibrated
 from flexarm_ident.subspace.inverse import truncated_inverse
-from flexarm_ident.subspace.subspace_protocol import StateMatrices, normalised
+from flexarm_ident.subspace.subspace_protocol import SMALLEST_INNOVATION, StateMatrices, normalised
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.subspace.gram import BlockGram
 
-# An innovation below this part of an output's RMS is rounding, not noise.
-_SMALLEST_INNOVATION = 1e-6
-# An innovation below this part of it is mostly rounding: the data have no noise to weight by.
+# An innovation below this part of an output's RMS is mostly rounding: no noise to weight by.
 _CLEAN = 1e-5
 # Noise power in one direction, in units of the one-step innovation's; less is rounding.
 _SMALLEST_NOISE = 1e-4
@@ -52,14 +50,11 @@ class RangeSpace:
         Singular values of (2-21), descending.
     output_scale : ndarray, (outputs,)
         Factors the outputs were multiplied by.
-    condition : float
-        Condition number of the inputs' product matrix U U'.
     """
 
     basis: FloatArray
     singular_values: FloatArray
     output_scale: FloatArray
-    condition: float
 
     @property
     def block_rows(self) -> int:
@@ -100,13 +95,10 @@ class _Remainder(NamedTuple):
         The remainder, of outputs with unit RMS.
     rms : ndarray, (outputs,)
         RMS of the outputs.
-    condition : float
-        Condition number of the inputs' product matrix U U'.
     """
 
     products: FloatArray
     rms: FloatArray
-    condition: float
 
 
 class _Future(NamedTuple):
@@ -122,15 +114,12 @@ class _Future(NamedTuple):
         The other part: noise.
     rms : ndarray, (outputs,)
         RMS of the outputs.
-    condition : float
-        Condition number of the future inputs' product matrix.
     """
 
     products: FloatArray
     explained: FloatArray
     unexplained: FloatArray
     rms: FloatArray
-    condition: float
 
 
 def innovation_scaled(gram: BlockGram) -> RangeSpace:
@@ -182,7 +171,7 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     else:
         basis, singular_values = _cva(explained, future.unexplained * np.outer(weight, weight))
     output_scale = 1.0 / (deviation * future.rms)
-    return RangeSpace(basis, singular_values, output_scale, future.condition)
+    return RangeSpace(basis, singular_values, output_scale)
 
 
 def _remainder(gram: BlockGram) -> _Remainder:
@@ -190,16 +179,15 @@ def _remainder(gram: BlockGram) -> _Remainder:
     scaled, rms = equilibrated(gram)
     y = gram.output_rows(0, gram.block_rows)
     u = gram.input_rows(0, gram.block_rows)
-    products, condition = _schur_complement(scaled, y, u)
-    return _Remainder(products, rms[: gram.outputs], condition)
+    return _Remainder(_schur_complement(scaled, y, u), rms[: gram.outputs])
 
 
 def _range_space(remainder: _Remainder, weight: FloatArray) -> RangeSpace:
     """Return the eigenvectors of R (2-21), its outputs multiplied by `weight`, (outputs,)."""
-    products, rms, condition = remainder
+    products, rms = remainder
     rows = np.tile(weight, len(products) // len(weight))
     values, vectors = scipy.linalg.eigh(products * np.outer(rows, rows), driver="evd")
-    return RangeSpace(vectors[:, ::-1], values[::-1].clip(min=0.0), weight / rms, condition)
+    return RangeSpace(vectors[:, ::-1], values[::-1].clip(min=0.0), weight / rms)
 
 
 def _future(gram: BlockGram) -> _Future:
@@ -209,11 +197,11 @@ def _future(gram: BlockGram) -> _Future:
     u_future = gram.input_rows(past, both)
     z_past = gram.input_rows(0, past) + gram.output_rows(0, past)
     y_future = gram.output_rows(past, both)
-    remainder, condition = _schur_complement(scaled, z_past + y_future, u_future)
+    remainder = _schur_complement(scaled, z_past + y_future, u_future)
     z, y = slice(0, len(z_past)), slice(len(z_past), None)
     explained = remainder[y, z] @ truncated_inverse(remainder[z, z]).root
     unexplained = remainder[y, y] - explained @ explained.T
-    return _Future(remainder[y, y], explained, unexplained, rms[: gram.outputs], condition)
+    return _Future(remainder[y, y], explained, unexplained, rms[: gram.outputs])
 
 
 def _po_moesp(explained: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -247,14 +235,14 @@ def _innovation_deviation(
     part of the outputs' `products`, both (block_rows * outputs,) * 2.
     """
     rms = _last_deviation(products, outputs)
-    floor = np.where(rms > 0.0, _SMALLEST_INNOVATION * rms, 1.0)
+    floor = np.where(rms > 0.0, SMALLEST_INNOVATION * rms, 1.0)
     try:
         last = scipy.linalg.cholesky(unexplained, lower=True)[-outputs:, -outputs:]
         deviation = np.linalg.norm(last, axis=1)
     except np.linalg.LinAlgError:
         # Clean data or repeated channels: the matrix is singular.
         rows = list(range(len(unexplained)))
-        last, _ = _schur_complement(unexplained, rows[-outputs:], rows[:-outputs])
+        last = _schur_complement(unexplained, rows[-outputs:], rows[:-outputs])
         deviation = _last_deviation(last, outputs)
     return np.asarray(np.maximum(deviation, floor))
 
@@ -269,14 +257,11 @@ def _last_deviation(products: FloatArray, outputs: int) -> FloatArray:
     return np.asarray(np.sqrt(np.diag(products)[-outputs:].clip(min=0.0)))
 
 
-def _schur_complement(
-    gram: FloatArray, keep: list[int], given: list[int]
-) -> tuple[FloatArray, float]:
-    """Return the remainder of `keep` given `given` (2-20), and the condition number of `given`."""
+def _schur_complement(gram: FloatArray, keep: list[int], given: list[int]) -> FloatArray:
+    """Return the remainder of `keep` given `given` (2-20)."""
     ordered = gram[keep + given][:, keep + given]
     if not given:
-        return ordered, 1.0
+        return ordered
     kept, known = slice(0, len(keep)), slice(len(keep), None)
-    inverse = truncated_inverse(ordered[known, known])
-    cross = ordered[kept, known] @ inverse.root
-    return ordered[kept, kept] - cross @ cross.T, inverse.condition
+    cross = ordered[kept, known] @ truncated_inverse(ordered[known, known]).root
+    return ordered[kept, kept] - cross @ cross.T

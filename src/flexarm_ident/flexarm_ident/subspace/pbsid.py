@@ -21,19 +21,19 @@ import scipy
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.subspace.gram import equilibrated
 from flexarm_ident.subspace.inverse import factor, truncated_inverse
-from flexarm_ident.subspace.subspace_protocol import StateMatrices, normalised
+from flexarm_ident.subspace.subspace_protocol import (
+    LARGEST_ORDER,
+    SMALLEST_INNOVATION,
+    StateMatrices,
+    normalised,
+)
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.subspace.gram import BlockGram
-    from flexarm_ident.subspace.inverse import TruncatedInverse
 
 # Part of the largest eigenvalue above which an eigenvector has eight digits.
 _CLEAR = 1e-8
-# An innovation below this part of an output's RMS is rounding, not noise.
-_SMALLEST_INNOVATION = 1e-6
-# The largest that the choice of the order and the stabilisation diagram ask for.
-_USUAL_ORDER = 36
 
 
 class Innovation(NamedTuple):
@@ -67,8 +67,6 @@ class PredictorSpace:
         The channels' RMS.
     outputs : int
         Number of outputs.
-    inverse : TruncatedInverse
-        Inverse of the regression on the past.
     feedthrough : bool
         Whether the output may respond to the input at once (D).
     """
@@ -80,13 +78,7 @@ class PredictorSpace:
     past: int
     rms: FloatArray
     outputs: int
-    inverse: TruncatedInverse
     feedthrough: bool
-
-    @property
-    def condition(self) -> float:
-        """Condition number of the regression on the past."""
-        return self.inverse.condition
 
     @property
     def largest_order(self) -> int:
@@ -103,7 +95,7 @@ class PredictorSpace:
         """Factors that scale the one-step innovations of all outputs to one."""
         found = self._signals(self.largest_order)
         _, e = self._one_step(self.largest_order, found)
-        variance = np.maximum(np.diag(e @ found.products @ e.T), _SMALLEST_INNOVATION**2)
+        variance = np.maximum(np.diag(e @ found.products @ e.T), SMALLEST_INNOVATION**2)
         return np.asarray(1.0 / (np.sqrt(variance) * self.rms[: self.outputs]))
 
     def rows(self, states: int) -> FloatArray:
@@ -131,7 +123,7 @@ class PredictorSpace:
             D = coefficients[:, order:]
         covariance = e @ found.products @ e.T
         # An innovation of rounding does not drive the states.
-        heard = np.diag(covariance) > _SMALLEST_INNOVATION**2
+        heard = np.diag(covariance) > SMALLEST_INNOVATION**2
         states, _, inputs, following = found.rows(order)
         one = np.eye(len(found.products))
         dynamics = _regression(
@@ -159,7 +151,7 @@ class PredictorSpace:
         _, e = self._one_step(order, found)
         e = e @ found.combinations / np.tile(self.rms, gram.block_rows)
         covariance = e @ gram.matrix @ e.T / gram.columns
-        covariance[np.diag_indices(self.outputs)] += _SMALLEST_INNOVATION**2
+        covariance[np.diag_indices(self.outputs)] += SMALLEST_INNOVATION**2
         y_rms = self.rms[: self.outputs]
         return np.asarray(covariance * np.outer(y_rms, y_rms))
 
@@ -183,7 +175,7 @@ class PredictorSpace:
     @cached_property
     def _few(self) -> _Signals:
         """Signals that serve all orders which are usually asked for."""
-        return self._made(min(_USUAL_ORDER, self.largest_order))
+        return self._made(min(LARGEST_ORDER, self.largest_order))
 
     def _made(self, states: int) -> _Signals:
         size, channels = len(self.gram), len(self.rms)
@@ -246,7 +238,7 @@ def predictor_space(
     responses = solution[:history].T
     explained = scaled[present][:, given] @ solution
     left = np.diag(scaled[np.ix_(present, present)] - explained).clip(min=0.0)
-    weight = 1.0 / np.maximum(np.sqrt(left), _SMALLEST_INNOVATION)
+    weight = 1.0 / np.maximum(np.sqrt(left), SMALLEST_INNOVATION)
     future = np.zeros((past, m, history))
     for ahead in range(past):
         # Prediction of a later sample from the past alone.
@@ -256,9 +248,7 @@ def predictor_space(
     left_vectors, singular_values = _directions(predicted @ root, order)
     rank = int(np.sum(singular_values > np.finfo(float).eps * singular_values[0] * history))
     basis = left_vectors[:, :rank] / np.sqrt(singular_values[:rank])
-    return PredictorSpace(
-        basis, predicted, singular_values, scaled, past, rms, m, inverse, feedthrough
-    )
+    return PredictorSpace(basis, predicted, singular_values, scaled, past, rms, m, feedthrough)
 
 
 def _directions(matrix: FloatArray, count: int | None) -> tuple[FloatArray, FloatArray]:
@@ -299,10 +289,10 @@ def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
         given += gram.output_rows(last - lag, last - lag + 1)
         given += gram.input_rows(last - lag, last - lag + 1)
     # With the most recent samples first, the leading part of one factor serves every length.
-    normal = scaled[np.ix_(given, given)] + _SMALLEST_INNOVATION**2 * np.eye(len(given))
+    normal = scaled[np.ix_(given, given)] + SMALLEST_INNOVATION**2 * np.eye(len(given))
     factor = scipy.linalg.cholesky(normal, lower=True)
     parts = scipy.linalg.solve_triangular(factor, scaled[np.ix_(given, present)], lower=True)
-    left = scaled[np.ix_(present, present)] + _SMALLEST_INNOVATION**2 * np.eye(m)
+    left = scaled[np.ix_(present, present)] + SMALLEST_INNOVATION**2 * np.eye(m)
     left -= parts[:at_once].T @ parts[:at_once]
     criteria = []
     for lag in range(1, last + 1):
@@ -316,4 +306,4 @@ def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
 def _log_determinant(covariance: FloatArray) -> float:
     """Return the logarithm of the determinant, with eigenvalues bounded by rounding from below."""
     values = scipy.linalg.eigvalsh(covariance)
-    return float(np.sum(np.log(np.maximum(values, _SMALLEST_INNOVATION**2))))
+    return float(np.sum(np.log(np.maximum(values, SMALLEST_INNOVATION**2))))

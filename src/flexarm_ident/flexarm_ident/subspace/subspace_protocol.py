@@ -9,6 +9,11 @@ import numpy as np
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
+SMALLEST_INNOVATION = 1e-6
+"""Part of an output's RMS below which its innovation is rounding, not noise."""
+LARGEST_ORDER = 36
+"""The largest of Tables 2-1 to 2-4."""
+
 
 class StateMatrices(NamedTuple):
     """A and C of one realisation."""
@@ -32,10 +37,6 @@ class Subspace(Protocol):
     @property
     def output_scale(self) -> FloatArray:
         """Factors the outputs were multiplied by."""
-
-    @property
-    def condition(self) -> float:
-        """Condition number of the inverted matrix."""
 
     @property
     def block_rows(self) -> int:

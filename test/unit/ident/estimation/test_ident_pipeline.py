@@ -160,7 +160,6 @@ def test_identify___sine_as_input___warns_with_the_condition_number() -> None:
     u = np.sin(0.3 * np.arange(800))[:, np.newaxis]
     data = IoData(u, step_by_step(model, u), dt_s=DT_S, inputs=("u0",), outputs=("y0", "y1", "y2"))
     found = identify(data, order=5, block_rows=10, method="orse")
-    assert found.input_condition > 1e12
     assert "excites few frequencies" in found.warnings[0]
 
 
