@@ -21,8 +21,9 @@ from flexarm_ident.fitting.validation import Gains, frequency_response, validate
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.reduction.modal import reduce_model
-from flexarm_ident.subspace.order import LARGEST_ORDER, SMALLEST_ORDER
+from flexarm_ident.subspace.order import SMALLEST_ORDER
 from flexarm_ident.subspace.orse import plain
+from flexarm_ident.subspace.subspace_protocol import LARGEST_ORDER
 from reproduction.framework.findings import SEEDS, thesis_table
 from reproduction.framework.rig import run_experiment, simulated_record
 from reproduction.framework.study_rig import choices, study_rig

@@ -1,9 +1,11 @@
-"""Clock that a program waits by, and the rate that a clock's stamps tell."""
+"""Clock that a program waits by, units of stamps, and the rate that stamps tell."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
+NS = 1_000_000_000
+"""Nanoseconds of a second."""
 SAME_PERIOD = 1e-3
 """Part by which periods of one rig may differ: those of short records are less exact."""
 # Periods by which the first and the last stamp may be off together.

@@ -18,7 +18,7 @@ from flexarm_ident.arm.equations import FrictionModel
 from flexarm_ident.arm.fitted_records import COST_OF_ZERO_ERROR, simulation_error
 from flexarm_ident.arm.friction_choice import choose_friction
 from flexarm_ident.arm.level_profile import (
-    _DESCENT,
+    DESCENT,
     EQUALLY_GOOD,
     LevelProfile,
     law_figures,
@@ -28,6 +28,7 @@ from flexarm_ident.arm.random_starts import RandomStarts
 from flexarm_ident.arm.simulation_error import SimulationError, deviations
 from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
+from flexarm_ident.friction.levels import SYSTEMATIC
 from flexarm_ident.models.state_space import state_space
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.signals import bandwidth_hz, live_samples
@@ -55,9 +56,6 @@ _BATCHES = 3
 _CONFIRMED = 1.01
 _FIRST_STEPS = 15
 NO_BETTER = "an arm with friction simulates the records no better than the linear model"
-# Part of a level: a friction that is held from sample to sample cost up to 1.4 % in simulation.
-_SYSTEMATIC = 0.015
-_DESCENT = 60
 # A cost that rises by 2 % is an error that rises by 1 %.
 _NOTHING_LOST = 0.02
 
@@ -282,7 +280,7 @@ def _friction(problem: SimulationError, profile: LevelProfile, speed: FloatArray
     for column, name in enumerate(arm.law):
         own = deviation[arm.blocks[name]]
         if len(own):
-            by_curvature = laws[:, column] * np.hypot(own, _SYSTEMATIC)
+            by_curvature = laws[:, column] * np.hypot(own, SYSTEMATIC)
             scatter[:, column] = np.maximum(scatter[:, column], by_curvature)
     levels, rises, rise_speeds, loads = laws.T
     dependence = None
@@ -323,7 +321,7 @@ def without_stiffness(problem: SimulationError, profile: LevelProfile) -> Freed:
         theta = best.theta.copy()
         theta[first + hub] = 0.0
         free = np.delete(places, [first + each for each in (*hubs, hub)])
-        found = descend(problem, theta, iterations=_DESCENT, free=free)
+        found = descend(problem, theta, iterations=DESCENT, free=free)
         if found.cost <= EQUALLY_GOOD * profile.best.cost:
             # What does not move has no deviation.
             matrix = np.zeros_like(profile.best.matrix)

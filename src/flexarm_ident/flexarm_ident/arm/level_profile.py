@@ -31,7 +31,7 @@ _MOVED = ("log_level", "log_rise", "log_load")
 _STEP = 0.06
 _STEPS = 8
 _ITERATIONS = 12
-_DESCENT = 60
+DESCENT = 60
 _RESTARTS = 2
 _LOWER = 0.995
 
@@ -68,7 +68,7 @@ def profile_levels(
                 break
         if lower is start:
             break
-        best = descend(problem, lower.theta, iterations=_DESCENT)
+        best = descend(problem, lower.theta, iterations=DESCENT)
         points.append((best.theta, best.cost))
     limit = EQUALLY_GOOD * best.cost
     good = [law_figures(problem.arm.laws(theta)) for theta, cost in points if cost <= limit]

@@ -14,6 +14,7 @@ from flexarm_ident.records.data_warning import LOST_SAMPLES, Grade, Kind
 from flexarm_ident.records.holes import holes_told
 from flexarm_ident.records.signals import (
     CONSTANT_SHARE,
+    FEW_LEVELS,
     ROUNDING,
     constant_share,
     dead_stretches,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 LARGEST_OFFSET = 10.0
 """Mean in units of the deviation above which a channel counts as almost all offset."""
 _SAME, _ALMOST_SAME = 1e-6, 1e-4
-_FEW_LEVELS = 20
 _PLATEAU_SHARE = 1e-3
 _PLATEAU_SAMPLES = 3
 _PLATEAU_COUNT = 5.0
@@ -245,7 +245,7 @@ def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
     share = float(on.mean())
     if share < max(_PLATEAU_SHARE, _PLATEAU_SAMPLES / len(x)):
         return 0.0
-    if len(np.unique(look(x))) <= _FEW_LEVELS:
+    if len(np.unique(look(x))) <= FEW_LEVELS:
         return 0.0
     starts, stops = runs(on).T
     # A plateau from the first sample on may be a rest.

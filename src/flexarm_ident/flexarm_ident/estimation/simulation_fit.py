@@ -19,6 +19,7 @@ from flexarm_core.errors import FlexarmError, IdentificationError
 from flexarm_ident.arm.fit import NO_BETTER, fit_arm
 from flexarm_ident.arm.notes import choice, levels_text, notes
 from flexarm_ident.estimation.candidates import fitted
+from flexarm_ident.estimation.weighing import TOLERANCE, WEIGHED_SAMPLES
 from flexarm_ident.fitting.refinement import refine_model
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error, relative_errors
@@ -54,13 +55,10 @@ INTEGRATES = "the model integrates: an eigenvalue next to 1 was taken for exactl
 # Orders of the starts of a fit with friction at the joints, and an estimator that friction
 # misleads least.
 _START_METHOD, _FEWEST_STATES, _MOST_STATES = "pbsid", 4, 18
-# Samples of all records together; more would take minutes for little more accuracy.
-_REFINED_SAMPLES = 20_000
+# Samples of all records together up to which the likelihood is maximised.
 _LIKELY_SAMPLES = 100_000
 # The same where there are no holes and it was asked for: in the frequency domain.
 _LIKELY_WHOLE_SAMPLES = 1_000_000
-# The likelihood weights outputs by their noise, so that their mean error may rise.
-_NO_WORSE = 1.03
 _NOT_REFINED = "a change of all its matrices simulates the records no better: it was not refined"
 _MISSES_NOISE = ", and what its simulation misses is noise"
 # Distance from 1 at which the likelihood's search keeps an eigenvalue, and more.
@@ -291,7 +289,8 @@ def likely(found: Identification, *, progress: Progress | None = None) -> Identi
         noise_weighted=False,
     )
     possible = min(mean_error(found.fit_error), mean_error(same_dynamics.fit.error))
-    if mean_error(better.fit_error) > _NO_WORSE * possible:
+    # The likelihood weights outputs by their noise, so that their mean error may rise.
+    if mean_error(better.fit_error) > TOLERANCE * possible:
         return None
     reason = f"{found.choice}; maximum likelihood made it order {better.order}{_MISSES_NOISE}"
     # Eigenvalues that were moved are the start's, and not in this model.
@@ -325,7 +324,7 @@ def refined(
         return better
     records = found.records
     start_error = _errors(_simulated(found.model, found.x0, records), records)
-    most = -(-_REFINED_SAMPLES // len(records))
+    most = -(-WEIGHED_SAMPLES // len(records))
     heads = [record.head(most) for record in records]
     lower = refine_model(found.model, found.x0, heads, progress=progress)
     error = _errors(_simulated(lower.model, lower.x0, records), records)

@@ -63,7 +63,7 @@ WEIGHED_SAMPLES = 20_000
 _PIECES = 4
 _RECORDS = 8
 # Errors in units of the smallest.
-_TOLERANCE = 1.03
+TOLERANCE = 1.03
 _TOLERANCE_IN_FEEDBACK = 1.35
 _STANDARD_ERRORS = 2.0
 # Ratio of the expected to the plain error above which it can decide.
@@ -190,7 +190,7 @@ class Weighed:
     def first_stays(self) -> bool:
         """Whether the first choice is as good as the best of the others, or nearly so."""
         row = METHODS[self._first.selection.method]
-        tolerance = _TOLERANCE_IN_FEEDBACK if row.consistent_under_feedback else _TOLERANCE
+        tolerance = _TOLERANCE_IN_FEEDBACK if row.consistent_under_feedback else TOLERANCE
         if not self._candidates:
             return False
         admitted = self._admitted()
@@ -321,7 +321,7 @@ def most_parsimonious(candidates: Sequence[Candidate], best: Candidate) -> Candi
 
 def within_tolerance(one: Candidate, best: Candidate) -> bool:
     """Return whether an error exceeds the best's by at most 3 %."""
-    return one.expected_error <= _TOLERANCE * max(best.expected_error, _SMALLEST_ERROR)
+    return one.expected_error <= TOLERANCE * max(best.expected_error, _SMALLEST_ERROR)
 
 
 def within_scatter(one: Candidate, best: Candidate) -> bool:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
 
 LAGS = 50
-_CHANCE = 0.01
+CHANCE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def residual_correlations(records: Sequence[IoData], simulated: Sequence[FloatAr
     # Bartlett: what two coloured signals have in common by chance lasts.
     drive_own = drive.diagonal(axis1=1, axis2=2)
     spread = np.abs(np.einsum("li,lj->ij", own, drive_own))
-    reach = float(scipy.special.ndtri(1.0 - 0.5 * _CHANCE)) / np.sqrt(max(samples, 1))
+    reach = float(scipy.special.ndtri(1.0 - 0.5 * CHANCE)) / np.sqrt(max(samples, 1))
     near = np.concatenate([np.arange(-LAGS, 0), np.arange(LAGS + 1)])
     return Residuals(
         lags=lags.astype(np.float64),

@@ -24,7 +24,7 @@ from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs
 from flexarm_ident.fitting.validation import relative_errors
 from flexarm_ident.friction.dry_friction import DryFriction, Yielding, simulate_with_friction
 from flexarm_ident.friction.layout import drive_columns
-from flexarm_ident.friction.levels import SIGNIFICANT
+from flexarm_ident.friction.levels import SIGNIFICANT, SYSTEMATIC
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.state_space import (
     INTEGRATOR_RADIUS,
@@ -70,8 +70,6 @@ _GROWTH = 1.003
 _LOST = 10.0
 # Part of the record that chooses; the rest judges.
 _LEADING = 0.6
-# Part of a level: a friction that is held from sample to sample cost up to 1.4 % in simulation.
-_SYSTEMATIC = 0.015
 
 
 class JointFit(NamedTuple):
@@ -430,7 +428,7 @@ def _result(
     friction = DryFriction(
         law[0],
         law[3],
-        np.hypot(own[0], _SYSTEMATIC * law[0]),
+        np.hypot(own[0], SYSTEMATIC * law[0]),
         own[3],
         np.ascontiguousarray(speed),
         yielding=Yielding(law[1], law[2]),

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 
 from flexarm_core.channels import MAX_COMMAND_V
+from flexarm_core.clock import NS
 from flexarm_core.errors import DataError
 from flexarm_core.labels import without_dots
 from flexarm_ident.reading.stream import Header
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
 # A declared rate further off than this from the stamps is worth a warning.
 RATE_TOLERANCE = 1e-2
-_NS = 1_000_000_000
 
 
 class _CommandKind(NamedTuple):
@@ -371,7 +371,7 @@ def _loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> boo
 
 
 def _duration_s(stamps_ns: NDArray[np.int64]) -> float:
-    return float(stamps_ns[-1] - stamps_ns[0]) / _NS
+    return float(stamps_ns[-1] - stamps_ns[0]) / NS
 
 
 def _references(

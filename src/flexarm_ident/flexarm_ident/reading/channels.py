@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.clock import NS
 from flexarm_core.errors import BagError, DataError
 from flexarm_core.labels import counted, named_twice
 from flexarm_ident.reading.fields import parse_field, values_of, wrong_path, wrong_topic
@@ -14,7 +15,7 @@ from flexarm_ident.reading.grid import ON_TIME
 from flexarm_ident.reading.offsets import on_their_rows
 from flexarm_ident.reading.sampling import CUT, JITTER_TOLERANCE, Run
 from flexarm_ident.reading.sampling import notices as sampling_notices
-from flexarm_ident.reading.tracks import NS, Evened, advances, drift, evened, lost_messages, track
+from flexarm_ident.reading.tracks import Evened, advances, drift, evened, lost_messages, track
 from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
 from flexarm_ident.records.data_warning import LOST_SAMPLES, PARTIAL_RECORD, SAMPLING, Grade
 from flexarm_ident.records.iodata import IoData

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
+from flexarm_core.clock import NS
 from flexarm_core.errors import DataError
 from flexarm_ident.reading.grid import ON_TIME, held, on_grid, place
-from flexarm_ident.reading.tracks import NS, counted_periods
+from flexarm_ident.reading.tracks import counted_periods
 from flexarm_ident.records.holes import LONGEST_FILLED
 
 if TYPE_CHECKING:

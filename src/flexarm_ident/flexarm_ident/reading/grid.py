@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.clock import nominal_rate_hz
+from flexarm_core.clock import NS, nominal_rate_hz
 from flexarm_core.errors import DataError
 from flexarm_ident.records.holes import lagrange
+from flexarm_ident.records.signals import NORMAL_MAD
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,8 +32,8 @@ ON_TIME = 0.1
 """A sample so near to its instant, in periods, is taken as it is."""
 LATEST = 0.3
 """A sample further off than this counts only when its neighbours tell what it was in time."""
-# Beyond this scatter of the steps, in periods, a phase is not sure.
-_STEADY = 0.15
+STEADY = 0.15
+"""Scatter of the steps, in periods, beyond which they tell neither a phase nor what was lost."""
 _PHASE_BLOCK = 128
 # What jitters needs more stamps for a phase.
 _JITTER_BLOCK = 1024
@@ -42,8 +43,6 @@ _LONGEST_HOLE_S = 60.0
 _NEAREST, _FURTHEST = 0.5, 2.5
 MOST_ROWS = 100
 """Rows for each sample: more come from pauses or bursts, and would fill the memory."""
-_NS = 1_000_000_000
-_SIGMA = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +104,7 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
         If there are fewer than two samples, the stamps do not advance, or the samples come in
         bursts that would take more than `MOST_ROWS` rows for each.
     """
-    times_s = (stamps_ns - stamps_ns[0]) / _NS
+    times_s = (stamps_ns - stamps_ns[0]) / NS
     if len(times_s) < 2:  # noqa: PLR2004 - a period needs two samples
         raise DataError("no two samples follow each other; record again")
     numbers = (sequence - sequence[0]).astype(np.float64)
@@ -116,7 +115,7 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
     times_s, numbers = times_s[kept], numbers[kept]
     times_s = _without_jumps(times_s, numbers, usual_s)
     times_s, numbers, pauses_s = _without_pauses(times_s, numbers, usual_s)
-    if _scatter(times_s, numbers, usual_s) <= _STEADY:
+    if _scatter(times_s, numbers, usual_s) <= STEADY:
         period_s, instants = _by_steps(times_s, usual_s)
     else:
         period_s, instants = _by_numbers(times_s, numbers)
@@ -178,7 +177,7 @@ def _summed(steps: FloatArray) -> FloatArray:
 def _scatter(times_s: FloatArray, numbers: FloatArray, usual_s: float) -> float:
     """Return the scatter of steps from one number to the next, in periods."""
     following = np.diff(times_s)[np.diff(numbers) == 1] / usual_s - 1.0
-    return _SIGMA * float(np.median(np.abs(following))) if len(following) else 0.0
+    return NORMAL_MAD * float(np.median(np.abs(following))) if len(following) else 0.0
 
 
 def _by_steps(times_s: FloatArray, usual_s: float) -> tuple[float, FloatArray]:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.clock import NS
 from flexarm_ident.reading.common_grid import common_rows
 from flexarm_ident.reading.grid import ON_TIME
-from flexarm_ident.reading.tracks import NS
 from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
 from flexarm_ident.subspace.gram import stretches
 from flexarm_ident.subspace.inverse import truncated_inverse

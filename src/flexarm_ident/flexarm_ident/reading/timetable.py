@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from flexarm_core.clock import NS
 from flexarm_core.errors import DataError
 from flexarm_ident.reading.grid import held, on_grid, place
 from flexarm_ident.reading.sampling import longest_run, notices
@@ -37,7 +38,6 @@ _RUNNING = 0.5
 _PROMPT = 1.0
 # Samples on either side that have a part in a row, and one more for the input behind.
 _CONTEXT = 4
-_NS = 1_000_000_000
 
 
 class Marks(NamedTuple):
@@ -247,7 +247,7 @@ def _inside_holes(
             values.append(told.values[own[known]])
             underway[at] = True
         elif len(own):
-            late_s = (told.sent_ns[own[-1]] - marks.sent_ns[at]) / _NS
+            late_s = (told.sent_ns[own[-1]] - marks.sent_ns[at]) / NS
             acted = told.sequence[own[-1]] == marks.command_sequence[at + 1]
             unheeded[at] = acted and late_s > _PROMPT * grid.period_s
     changes = Changes(

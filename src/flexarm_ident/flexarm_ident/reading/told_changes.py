@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm_bags.reader import LAW_IN_FORCE, sibling
+from flexarm_core.clock import NS
 from flexarm_core.labels import instant
 from flexarm_ident.records.data_warning import PLANT_CHANGED, Grade
 from flexarm_ident.records.span import part_options
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 PARAMETER_EVENT = "rcl_interfaces/msg/ParameterEvent"
 _EVENTS = "/parameter_events"
-_NS = 1_000_000_000
 
 
 def told_changes(
@@ -115,7 +115,7 @@ def _laws(bag: Bag, topic: str) -> Iterator[tuple[int, str]]:
         return
     messages = bag.messages(law, LAW_IN_FORCE)
     told = [
-        (_NS * each.header.stamp.sec + each.header.stamp.nanosec, values)
+        (NS * each.header.stamp.sec + each.header.stamp.nanosec, values)
         for each in messages
         if "law" in (values := _values(each.parameters))
     ]

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from flexarm_core.clock import NS
 from flexarm_core.errors import DataError
-from flexarm_ident.reading.grid import place
+from flexarm_ident.reading.grid import STEADY, place
+from flexarm_ident.records.signals import NORMAL_MAD
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,12 +22,8 @@ if TYPE_CHECKING:
 
     Integers = NDArray[np.int64]
 
-NS = 1_000_000_000
 # A step back by more is a clock that began anew, a smaller one messages that overtook each other.
 _RESTART_NS = NS
-# Beyond this scatter of the steps, in periods, they do not tell by themselves what was lost.
-_STEADY = 0.15
-_SIGMA = 1.4826
 # A step between two messages, in periods, in which others may have been lost.
 _GAP = 1.5
 # So many messages on either side of a gap tell how many were lost in it, and a fraction of one
@@ -231,7 +229,7 @@ def _whole_steps(times_s: FloatArray) -> FloatArray:
 def _is_steady(times_s: FloatArray) -> bool:
     steps_s = np.diff(times_s)
     off = steps_s / np.median(steps_s) - _whole_steps(times_s)
-    return _SIGMA * float(np.median(np.abs(off))) <= _STEADY
+    return NORMAL_MAD * float(np.median(np.abs(off))) <= STEADY
 
 
 def _lost(instants: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ import numpy as np
 
 from flexarm_core.labels import counted
 from flexarm_ident.records.data_warning import CONVERTED, Grade
+from flexarm_ident.records.signals import FEW_LEVELS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -39,8 +40,6 @@ _AMBIGUOUS = 0.01
 # Part of the power of an angle's accelerations that is left when its turns are counted, and of the
 # period that it fills.
 _SMOOTHER, _FILLED = 0.1, 0.98
-# Values of a switch or a square wave, which may well be a period apart.
-_FEW_LEVELS = 20
 # Fewer jumps have no even intervals, which differ by less than this part or two samples.
 _FEWEST_EVEN, _EVEN, _EVEN_SAMPLES = 3, 0.05, 2.0
 _EXPLAINED, _ANSWER = 0.8, 3
@@ -136,7 +135,7 @@ def _wrap(u: FloatArray, y: FloatArray, told: float | None) -> Wrap:
     period = _period(steps, at, extent)
     is_clear = (
         period > 0.0
-        and len(np.unique(y[known])) > _FEW_LEVELS
+        and len(np.unique(y[known])) > FEW_LEVELS
         and not _is_even_sawtooth(steps[at], at)
         and not _is_explained(u, known[at + 1])
     )
@@ -146,7 +145,7 @@ def _wrap(u: FloatArray, y: FloatArray, told: float | None) -> Wrap:
 def _doubtful(y: FloatArray, extent: float) -> float:
     """Return the period that a fast angle fills and that makes it smoother; else 0."""
     fitting = [each for each in PERIODS if _FILLED * each <= extent <= each * (1.0 + _BEYOND)]
-    if not fitting or len(np.unique(y)) <= _FEW_LEVELS:
+    if not fitting or len(np.unique(y)) <= FEW_LEVELS:
         return 0.0
     raw, turned = (np.var(np.diff(x, 2)) for x in (y, np.unwrap(y, period=fitting[0])))
     return fitting[0] if turned < _SMOOTHER * raw else 0.0

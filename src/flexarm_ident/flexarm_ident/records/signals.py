@@ -29,6 +29,10 @@ ROUNDING = 1e-9
 """Difference of two samples, as a part of them, that is none."""
 CONSTANT_SHARE = 0.99
 """Share of equal samples above which a channel counts as constant."""
+FEW_LEVELS = 20
+"""Values of a switch or a square wave at most."""
+NORMAL_MAD = 1.4826
+"""Standard deviation of normal values over their median absolute deviation."""
 
 
 def hann_transforms(segments: FloatArray) -> ComplexArray:

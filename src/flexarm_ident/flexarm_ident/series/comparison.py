@@ -19,7 +19,7 @@ from flexarm_ident.models.modes import frequency_and_damping, frequency_grid
 from flexarm_ident.records.naming import short_names
 from flexarm_ident.records.span import EVERYTHING, Span
 from flexarm_ident.report.content.blocks import Plots, Table, Words
-from flexarm_ident.report.content.match_gallery import near_rows
+from flexarm_ident.report.content.match_gallery import RECORDS_SHOWN, near_rows
 from flexarm_ident.report.content.wording import error_text, percent
 from flexarm_ident.report.page import render_page
 from flexarm_ident.report.plots.frequency_plot import COMPARED, frequency_plot
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from flexarm_ident.report.content.blocks import Block
     from flexarm_ident.workflow.request import Request
 
-_RECORDS_SHOWN = 3
 _LIGHT_DAMPING = 0.5
 # Modes of two models within this ratio of frequencies stand in one row.
 _SAME_MODE = 1.35
@@ -321,7 +320,7 @@ def _responses(found: Sequence[Compared]) -> Iterator[Block]:
 
 
 def _matches(found: Sequence[Compared], trials: _Trials) -> Iterator[Block]:
-    for record, name, simulated in trials[:_RECORDS_SHOWN]:
+    for record, name, simulated in trials[:RECORDS_SHOWN]:
         curves = {
             each.name: dmv.y for each, dmv in zip(found, simulated, strict=True) if dmv is not None
         }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
+from flexarm_ident.records.signals import NORMAL_MAD
 from flexarm_ident.subspace.feedback import (
     BACKGROUND_SAMPLES,
     SIGNIFICANCE,
@@ -35,7 +36,6 @@ _FRESH = 0.06
 # Robust standard deviations above which a value is clipped in a correlation, or left out of a fit.
 _CLIP = 3.0
 _OUTLIER = 4.0
-_NORMAL_MAD = 1.4826
 _REFITS = 3
 
 
@@ -156,7 +156,7 @@ def _shifted(signals: FloatArray, first: int, last: int, columns: int) -> FloatA
 
 def _deviation(signals: FloatArray) -> FloatArray:
     """Return standard deviations estimated from medians, robust against outliers."""
-    return np.asarray(_NORMAL_MAD * np.median(np.abs(signals), axis=0))
+    return np.asarray(NORMAL_MAD * np.median(np.abs(signals), axis=0))
 
 
 def _later_answered(

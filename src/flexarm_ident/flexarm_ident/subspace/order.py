@@ -10,6 +10,7 @@ from flexarm_core.errors import DataError, IdentificationError
 from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.subspace.pbsid import past_length, predictor_space
 from flexarm_ident.subspace.segments import cut, segment_grams
+from flexarm_ident.subspace.subspace_protocol import LARGEST_ORDER
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -20,9 +21,8 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.pbsid import PredictorSpace
     from flexarm_ident.subspace.subspace_protocol import Subspace
 
-# The orders of Tables 2-1 to 2-4.
 SMALLEST_ORDER = 7
-LARGEST_ORDER = 36
+"""The smallest of Tables 2-1 to 2-4."""
 _NUMERICAL_RANK = 1e-10
 # With one degree of freedom.
 _MEDIAN_OF_CHI_SQUARE = 0.4549

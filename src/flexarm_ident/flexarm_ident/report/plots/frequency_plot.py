@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import label_and_unit
+from flexarm_ident.fitting.residuals import CHANCE
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.report.plots import marks
 from flexarm_ident.report.plots.axis import Axis
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 _SMALLEST_GAIN = 1e-12
 _BAND_DEPTH_DB = 20.0
 _PHASE_TICKS = 4
-# Coherence that unrelated signals exceed at one frequency of a hundred.
-_CHANCE = 0.01
 _LOOKS = (marks.SOLID, marks.DASHED, marks.DOTTED, marks.THIN)
 COMPARED = len(_LOOKS)
 """Models that a plot shows."""
@@ -115,7 +114,7 @@ def _measured(
     """
     output, source = channels
     at_hz, coherence = found.frequencies_hz, found.coherence[:, output]
-    chance = found.chance(_CHANCE)
+    chance = found.chance(CHANCE)
     response = np.where(coherence > chance, found.response[:, output, source], np.nan)
     degrees = np.degrees(np.angle(response))
     degrees += 360.0 * np.round((model_deg - degrees) / 360.0)
