@@ -89,7 +89,7 @@ def identify(
     stable : bool
         Move unstable eigenvalues into the unit circle before B is fitted (section 3.2).
     feedthrough : bool, optional
-        Fit D. By default where the records call for it, see `direct_term`.
+        Fit D. By default where the records call for it, see `calls_for_feedthrough`.
     friction : bool
         Look for dry friction. With `method` 'auto' and `order` open, an arm with friction may
         replace the model; see `with_friction` for the test.

@@ -5,7 +5,7 @@ The first of these conditions that holds decides:
 1. The record states that its inputs were computed from its outputs (`IoData.closed_loop`):
    PBSID-opt.
 2. Later inputs are correlated with the innovation (`feedback.reaches_inputs`): PBSID-opt.
-3. The output noise is coloured (`whiteness.whiteness_test`): ORSE with past instruments.
+3. The output noise is coloured (`whiteness_test`): ORSE with past instruments.
 
 Otherwise ORSE without instruments is taken, the cheapest and as accurate for white noise. Both ORSE
 condition the outputs on later inputs. PBSID-opt regresses on the past only, so that neither
