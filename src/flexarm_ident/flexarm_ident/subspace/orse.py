@@ -264,4 +264,4 @@ def _schur_complement(gram: FloatArray, keep: list[int], given: list[int]) -> Fl
         return ordered
     kept, known = slice(0, len(keep)), slice(len(keep), None)
     cross = ordered[kept, known] @ truncated_inverse(ordered[known, known]).root
-    return ordered[kept, kept] - cross @ cross.T
+    return np.asarray(ordered[kept, kept] - cross @ cross.T)
