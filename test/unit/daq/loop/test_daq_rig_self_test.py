@@ -118,6 +118,13 @@ def test_two_joints___pulsed_in_turn___are_right() -> None:
             "rate1 answers torque1 with the wrong sign: swap its wires, or make its scale negative",
         ),
         (
+            FreeJoints(scaled(1, 1.0, 0.9)),
+            (
+                "hub2 reads 0.90 rad: turn the arm to the middle, within 0.73 rad, by hand; else "
+                "check the sensor"
+            ),
+        ),
+        (
             FreeJoints(scaled(1, 0.0, 0.3)),
             "hub2 does not answer torque2: check sensor, wire and terminal",
         ),
@@ -133,7 +140,14 @@ def test_two_joints___pulsed_in_turn___are_right() -> None:
             ),
         ),
     ],
-    ids=["reversed motor", "reversed rate", "dead angle", "rate at its end", "crossed motors"],
+    ids=[
+        "reversed motor",
+        "reversed rate",
+        "far joint",
+        "dead angle",
+        "rate at its end",
+        "crossed",
+    ],
 )
 def test_two_joints___with_a_fault___are_refused_with_its_name(rig: FreeJoints, told: str) -> None:
     with pytest.raises(SelfTestError) as raised:
