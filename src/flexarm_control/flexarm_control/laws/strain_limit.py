@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
 _HELD = 2
-MOST_STEPS = 12
-
-
 """Samples of one correction; longer ones would excite the higher modes."""
 _CORRECTIONS = 10
 """Corrections of a prediction: 67 ms at 300 Hz, half a period of bending."""
@@ -44,6 +41,9 @@ _PREDICTED = 0.6
 """Part of the limit that a prediction may reach; friction and gap take the rest by surprise."""
 _COUNTED = 0.5
 """Part of the gauge beyond the model that counts; all of it makes a loop that may swing."""
+MOST_STEPS = 12
+"""Steps of Newton's method that a sample may take; the usual number is two to four."""
+_MOST_HALVINGS = 8
 
 
 @dataclass(frozen=True)
@@ -134,10 +134,6 @@ def predictions(
         for start in range(0, samples, _HELD)
     ]
     return np.array(rows), kp * step[1:], np.column_stack(moves)
-
-
-"""Steps of Newton's method that a sample may take; the usual number is two to four."""
-_MOST_HALVINGS = 8
 
 
 def least_correction(

@@ -56,12 +56,10 @@ _BATCHES = 3
 _CONFIRMED = 1.01
 _FIRST_STEPS = 15
 NO_BETTER = "an arm with friction simulates the records no better than the linear model"
-# A cost that rises by 2 % is an error that rises by 1 %.
-_NOTHING_LOST = 0.02
-
-
 """Reason why an arm is not taken."""
 _STANDS_OUT = 3.0
+# A cost that rises by 2 % is an error that rises by 1 %.
+_NOTHING_LOST = 0.02
 
 
 @dataclass(frozen=True, eq=False)

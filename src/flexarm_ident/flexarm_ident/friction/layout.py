@@ -95,8 +95,9 @@ def joints(records: Sequence[IoData]) -> tuple[Drive, ...] | None:
     """Return the output that tells each input's joint, the slowest that its input works on.
 
     It need not be slower than the others, as in `arm_layout`: gyroscopes and accelerometers may be
-    among them, and joints of different pace. A joint that turns freely takes little work, so that
-    none is asked for. None where there is no output more than inputs.
+    among them, and joints of different pace. Of several outputs that tell one motion, as hub and
+    tip do, it is the one that its input works on most. A joint that turns freely takes little work,
+    so that none is asked for. None where there is no output more than inputs.
     """
     found = _assigned(records)
     return None if found is None else found[0].drives
@@ -113,11 +114,11 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
     size, pace = y.std(axis=0), np.sqrt(np.mean(speed**2, axis=0))
     if np.any(size == 0.0) or np.any(u.std(axis=0) == 0.0):
         return None
-    by_pace = _collocated(np.argsort(pace / size, kind="stable"), u, y, speed)
+    work = np.abs(_correlation(u, speed))
+    by_pace = _collocated(np.argsort(pace / size, kind="stable"), work, y)
     slowest_other = (pace / size)[by_pace[count]]
     positions = np.sort(by_pace[:count])
     apart = bool(np.max((pace / size)[positions]) <= _SLOW * slowest_other)
-    work = np.abs(_correlation(u, speed[:, positions]))
     # Beside what links and dampers do to the positions.
     causes = np.hstack([u, y[:, by_pace[count:]], speed[:, positions]])
     scale = causes.std(axis=0)
@@ -125,7 +126,7 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
     answer = np.abs(answer)
     cost = -np.log(np.maximum(answer / answer.max(), np.finfo(float).tiny))
     inputs, own = scipy.optimize.linear_sum_assignment(cost)
-    apart = apart and bool(np.min(work[inputs, own]) >= _WORK)
+    apart = apart and bool(np.min(work[inputs, positions[own]]) >= _WORK)
     drives = tuple(
         Drive(first.inputs[i], first.outputs[positions[j]])
         for i, j in zip(inputs, own, strict=True)
@@ -141,19 +142,16 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
     return ArmLayout(drives, speeds), apart
 
 
-def _collocated(
-    by_pace: NDArray[np.intp], u: FloatArray, y: FloatArray, speed: FloatArray
-) -> NDArray[np.intp]:
+def _collocated(by_pace: NDArray[np.intp], work: FloatArray, y: FloatArray) -> NDArray[np.intp]:
     """Return the outputs with those in front that the inputs work on, of several for one motion.
 
     The tip of an arm moves as its hub does, and where friction acts is told by the hub alone.
     """
-    count, order = u.shape[1], by_pace.copy()
-    work = np.abs(_correlation(u, speed)).max(axis=0)
+    count, order, most = len(work), by_pace.copy(), work.max(axis=0)
     together = np.abs(_correlation(y, y)) >= _SAME
     for slot in range(count):
         others = [k for k in range(count, len(order)) if together[order[slot], order[k]]]
-        best = max((slot, *others), key=lambda k: work[order[k]])
+        best = max((slot, *others), key=lambda k: most[order[k]])
         order[[slot, best]] = order[[best, slot]]
     return order
 

@@ -25,10 +25,8 @@ if TYPE_CHECKING:
 
 _LOGGER = logging.getLogger("flexarm_live")
 VERSION = 1
-_SILENT_S = 10.0
-
-
 """Version of what is said between server and page."""
+_SILENT_S = 10.0
 
 
 class Hold:

@@ -80,7 +80,6 @@ class MujocoRig:
         """Start at the model's rest, at time zero, with the noise's seed; see `Rig.open`."""
         self._arm = MujocoArm(self.settings, self._folder)
         self._random = np.random.default_rng(self.settings.seed)
-        self._samples = 0
         self._taken: deque[tuple[float, FloatArray]] = deque()
         self._moved_s = self.clock() if self.clock is not None else 0.0
 
@@ -89,9 +88,8 @@ class MujocoRig:
         arm = self.arm
         if self.clock is not None:
             self._follow(arm, self.clock())
-        elif self._samples:
+        elif self._taken:
             arm.advance(arm.substeps)
-        self._samples += 1
         noise = self._noise * self._random.standard_normal(len(self._noise))
         self._taken.append((arm.time_s, arm.outputs() + noise))
         return RigSample(arm.time_s, self._told(arm.time_s))
@@ -120,10 +118,10 @@ class MujocoRig:
 
     def _told(self, now_s: float) -> FloatArray:
         """Return what each output tells now: its newest reading that is old enough."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            frames = np.floor((now_s - self._delay_s) * self._frame_hz + _ROUNDING)
-            frame_s = frames / self._frame_hz
-        due_s = np.where(self._frame_hz > 0.0, frame_s, now_s - self._delay_s) + _ROUNDING
+        due_s = now_s - self._delay_s
+        framed, frame_hz = self._frame_hz > 0.0, self._frame_hz
+        due_s[framed] = np.floor(due_s[framed] * frame_hz[framed] + _ROUNDING) / frame_hz[framed]
+        due_s += _ROUNDING
         while len(self._taken) > 1 and self._taken[1][0] <= due_s.min():
             self._taken.popleft()
         told = self._taken[0][1].copy()

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 _LOOKS = (marks.SOLID, marks.DASHED, marks.DOTTED)
 RESIDUAL_INPUTS = len(_LOOKS)
+"""Inputs that a plot shows."""
+_SIZE = "height:6.5rem"
+_CHANCE = "by chance (99 %)"
 
 
 def _build(subject: Subject) -> Iterator[Block]:
@@ -67,11 +70,6 @@ def _shares(outcome: Outcome) -> Table:
     header = ("Output", "Not white", "With inputs", "Coherent output")
     about = f"Lags of {LAGS} outside the bounds, and power of the output coherent with the inputs"
     return Table("residuals", about, header, rows)
-
-
-"""Inputs that a plot shows."""
-_SIZE = "height:6.5rem"
-_CHANCE = "by chance (99 %)"
 
 
 def residual_plot(found: Residuals, output: int, name: str, inputs: Sequence[str]) -> str:
