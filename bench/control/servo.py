@@ -13,7 +13,7 @@ import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -29,6 +29,8 @@ from flexarm_control.servo.twin import Run, step_results
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from bench.control.drawn_arms import DrawnArm
 
 _FLEXARM = Path(__file__).parents[2] / "flexarm"
@@ -118,17 +120,8 @@ def trial(arm: DrawnArm, folder: Path) -> Trial:
     record, out = record_arm(arm, folder, _RECORD_S), folder / f"design_{arm.seed}"
     tracked = [word for name in arm.tracked for word in ("--track", name)]
     before = _cpu_s()
-    done = subprocess.run(  # noqa: S603 - words of this file
-        [str(_FLEXARM), "design", str(record), *tracked, "-o", str(out)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        raise click.ClickException(f"design failed on {arm.kind} {arm.seed}: {done.stderr}")
+    servo, summary = designed(record, tracked, out)
     cpu_s = _cpu_s() - before
-    summary = json.loads((out / "summary.json").read_text("utf-8"))
-    servo = load_controller(out / "controller.yaml")
     limits = dict.fromkeys(arm.inputs, LIMIT_NM)
     true = design_servo([arm.source(folder)], ServoRequest(tuple(arm.tracked), limits))
     return Trial(
@@ -140,6 +133,20 @@ def trial(arm: DrawnArm, folder: Path) -> Trial:
         {f"{tip:g}": _step(arm, folder, servo, tip) for tip in _TIPS},
         _step(arm, folder, Servo(true.gains), 1.0),
     )
+
+
+def designed(record: Path, words: Sequence[str], out: Path) -> tuple[Servo, dict[str, Any]]:
+    """Return what `flexarm design` makes of a record with some words, and its summary."""
+    done = subprocess.run(  # noqa: S603 - words of the benchmarks
+        [str(_FLEXARM), "design", str(record), *words, "-o", str(out)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise click.ClickException(f"design failed on {record.name}: {done.stderr}")
+    summary = json.loads((out / "summary.json").read_text("utf-8"))
+    return load_controller(out / "controller.yaml"), summary
 
 
 def _step(arm: DrawnArm, folder: Path, servo: Servo, tip: float) -> Step:

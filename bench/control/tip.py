@@ -9,20 +9,18 @@ of MuJoCo's own model. All step the tip by 0.5 rad, with 0, 200 and 400 g.
 
 from __future__ import annotations
 
-import json
-import subprocess
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 from rich.progress import track
 
+from bench.control.servo import designed
 from bench.tools import json_option, make_table, write_json
 from flexarm_bringup.console import terminal
-from flexarm_control import load_controller
 from flexarm_control.design.criteria import unit_step_figures
 from flexarm_control.shaping.shapers import Vibration, shaper_parts
 from flexarm_core.errors import FlexarmError
@@ -30,12 +28,12 @@ from flexarm_core.rig_description import load_rig
 from flexarm_daq.drivers.registry import driven
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
+    from flexarm_control.servo.controller import Servo
     from flexarm_core.arrays import FloatArray
     from flexarm_daq.rigs.rig_protocol import Rig
 
-_FLEXARM = Path(__file__).parents[2] / "flexarm"
 _RIG = load_rig("mujoco-tip")
 _DT_S = 1.0 / _RIG.rate_hz
 _PAYLOADS_KG, _RECORDED_KG = (0.0, 0.2, 0.4), 0.2
@@ -53,16 +51,6 @@ _SERVOS: dict[str, tuple[str, tuple[str, ...]]] = {
     "with strain": ("tip_rad", ("hub_rad", "tip_rad", "base_nm", "hub_rad_per_s")),
     "with strain and acceleration": ("tip_rad", _RIG.output_names),
 }
-
-
-class Controller(Protocol):
-    """What steps the arm."""
-
-    def reset(self) -> None:
-        """Begin anew."""
-
-    def step(self, y: Sequence[float], r: Sequence[float]) -> Sequence[float]:
-        """Return the command for a sample."""
 
 
 @dataclass(frozen=True)
@@ -108,13 +96,20 @@ def main(*, json_file: Path | None) -> None:
         folder = Path(name)
         try:
             recorded = record(folder)
-            made: dict[str, Controller] = {
+            made: dict[str, Servo | Pd] = {
                 "PD of the hub": Pd(),
                 "PD of the hub behind ZV": Pd(shaper_parts("zv", _HELD, _DT_S)),
             }
             for each, (tracked, outputs) in _SERVOS.items():
                 out = folder / each.replace(" ", "_").replace(":", "")
-                made[each] = designed(recorded, tracked, outputs, out)
+                words = [word for output in outputs for word in ("--output", output)]
+                words += ["--input", "motor_nm", "--track", tracked]
+                made[each], figures = designed(recorded, words, out)
+                terminal.CONSOLE.print(
+                    f"{each}: bandwidth {figures['bandwidth_hz']:.2f} Hz, {figures['limited_by']}",
+                    *figures["notes"],
+                    sep="\n  ",
+                )
             steps = [
                 stepped(each, controller, payload_kg)
                 for each, controller in track(made.items())
@@ -126,18 +121,14 @@ def main(*, json_file: Path | None) -> None:
     table = make_table(*heads)
     for each in made:
         own = [step for step in steps if step.controller == each]
-
-        def row(figure: Callable[[Step], str], own: list[Step] = own) -> str:
-            return " ".join(map(figure, own))
-
-        table.add_row(
-            each,
-            row(lambda step: f"{step.settling_s:.2f}" if np.isfinite(step.settling_s) else "-"),
-            row(lambda step: f"{100.0 * step.overshoot:.1f}"),
-            row(lambda step: f"{100.0 * step.steady_error:+.2f}"),
-            row(lambda step: f"{1e3 * step.residual_rad:.1f}"),
-            row(lambda step: f"{step.effort_nm:.2f}"),
+        cells = (
+            [f"{step.settling_s:.2f}" if np.isfinite(step.settling_s) else "-" for step in own],
+            [f"{100.0 * step.overshoot:.1f}" for step in own],
+            [f"{100.0 * step.steady_error:+.2f}" for step in own],
+            [f"{1e3 * step.residual_rad:.1f}" for step in own],
+            [f"{step.effort_nm:.2f}" for step in own],
         )
+        table.add_row(each, *map(" ".join, cells))
     terminal.show_table(table)
     terminal.CONSOLE.print("three figures: 0, 200 and 400 g; settling within 2 % of the step")
     write_json(json_file, steps)
@@ -163,29 +154,7 @@ def record(folder: Path) -> Path:
     return file
 
 
-def designed(recorded: Path, tracked: str, outputs: Sequence[str], out: Path) -> Controller:
-    """Return the servo that the command designs for a record."""
-    words = [word for output in outputs for word in ("--output", output)]
-    words += ["--input", "motor_nm", "--track", tracked]
-    done = subprocess.run(  # noqa: S603 - words of this file
-        [str(_FLEXARM), "design", str(recorded), *words, "-o", str(out)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        raise click.ClickException(f"design --track {tracked} failed: {done.stderr}")
-    figures = json.loads((out / "summary.json").read_text("utf-8"))
-    terminal.CONSOLE.print(
-        f"{out.name}: bandwidth {figures['bandwidth_hz']:.2f} Hz, {figures['limited_by']}",
-        *figures["notes"],
-        sep="\n  ",
-    )
-    controller: Any = load_controller(out / "controller.yaml")
-    return controller  # type: ignore[no-any-return]
-
-
-def stepped(name: str, controller: Any, payload_kg: float) -> Step:  # noqa: ANN401 - with its outputs
+def stepped(name: str, controller: Servo | Pd, payload_kg: float) -> Step:
     """Step the arm with a controller, and judge the tip's own motion, without its camera."""
     rig, columns = _opened(payload_kg, 2), [_RIG.output_names.index(n) for n in controller.outputs]
     controller.reset()
