@@ -21,7 +21,7 @@ _TABLE = re.compile(
 )
 
 
-_TYPES = {"bool": "bool", "int": "int", "float": "double", "str": "string", "list": "string_array"}
+_TYPES = {"bool": "bool", "int": "int", "float": "double", "str": "string"}
 
 
 def as_markdown(specs: Sequence[ParameterSpec]) -> str:
@@ -33,7 +33,10 @@ def as_markdown(specs: Sequence[ParameterSpec]) -> str:
 def _row(spec: ParameterSpec) -> str:
     has_range = spec.minimum is not None or spec.maximum is not None
     allowed = spec.range_text if has_range else ", ".join(f"`{each}`" for each in spec.choices)
-    kind, name, acts = _TYPES[type(spec.default).__name__], f"`{spec.name}`", spec.change_acts
+    listed = isinstance(spec.default, list)
+    one = spec.default[0] if listed else spec.default
+    kind = _TYPES[type(one).__name__] + "_array" * listed
+    name, acts = f"`{spec.name}`", spec.change_acts
     return f"| {' | '.join((name, kind, _shown(spec), allowed, acts, spec.description))} |"
 
 
@@ -41,7 +44,7 @@ def _shown(spec: ParameterSpec) -> str:
     if isinstance(spec.default, bool):
         return str(spec.default).lower()
     if isinstance(spec.default, list):
-        return ", ".join(map(str, spec.default))
+        return ", ".join(f"{each:g}" if isinstance(each, float) else each for each in spec.default)
     if isinstance(spec.default, float):
         return f"{spec.default:g}"
     return str(spec.default)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, design_ilqr, quadratic_gain, radius
+from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, IlqrWeights, design_ilqr
 from flexarm_control.models.nominal_models import identified_model
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident.reduction.realisation import thesis_realisation
@@ -66,22 +66,18 @@ def ilqr_design(name: str) -> IlqrDesign:
 
 def printed_design(realised: control.StateSpace) -> IlqrDesign:
     """Design by the weights of section 4.4, which are of the states of an ORSE realisation."""
-    weights = thesis_table("section_4_4")
-    model = rounded_model(realised)
-    A, B, position = model.A, model.B, model.C[[0]]
-    kc = quadratic_gain(A, B, np.diag(weights["q"]), np.array([[weights["r"]]]))
-    observer = quadratic_gain(A.T, position.T, np.eye(len(A)), np.eye(1)).T
-    steady = position @ np.linalg.solve(np.eye(len(A)) - A + B @ kc, B)
-    return IlqrDesign(
-        model=model,
-        channels=(0,),
-        kc=kc.ravel(),
-        observer=observer,
-        kp=round(1.0 / float(steady[0, 0]), _GAIN_DIGITS),
-        ki=weights["ki"],
-        regulator_radius=radius(A - B @ kc),
-        observer_radius=radius(A - observer @ position),
+    printed = thesis_table("section_4_4")
+    weights = IlqrWeights(
+        position=0.0,
+        strain=0.0,
+        speed=0.0,
+        states=tuple(printed["q"]),
+        effort=printed["r"],
+        ki=printed["ki"],
+        observer_speed=0.0,
     )
+    design = design_ilqr(rounded_model(realised), weights)
+    return replace(design, kp=round(design.kp, _GAIN_DIGITS))
 
 
 LAWS = (OURS, INTEGRAL, PRINTED)

@@ -152,6 +152,7 @@ def test_parameters_of_rclpy_and_of_models___are_taken(graph: Graph, tmp_path: P
         ("daq", "autostart", True, "read.only"),
         ("controller", "step.amplitude_v", 9.0, r"6\.857"),
         ("controller", "reference", "sawtooth", "must be one of topic, constant"),
+        ("controller", "ilqr.states", [1.0, -1.0], "states = -1 is outside 0 to 1000"),
         ("controller", "trajectory", "/nowhere.csv", "law pd plays no trajectory; choose one"),
         ("recorder", "topics", ["sound"], "read.only"),
     ],

@@ -208,10 +208,13 @@ def parameters_in(text: str) -> dict[str, Any]:
 
 
 def _has_type(value: object, wanted: type) -> bool:
-    """Return whether a value can be a parameter's; JSON may write 3.0 as 3."""
+    """Return whether a value can be a parameter's; JSON may write 3.0 as 3.
+
+    A number stands for a list of it alone: older versions had one weight for all states.
+    """
     if isinstance(value, bool) or wanted is bool:
         return isinstance(value, bool) and wanted is bool
-    return isinstance(value, wanted) or (wanted is float and isinstance(value, int))
+    return isinstance(value, wanted) or (wanted in {float, list} and isinstance(value, int | float))
 
 
 def _used(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -72,12 +72,13 @@ class ParameterSpec:
         if self.choices and (unknown := [each for each in chosen if each not in self.choices]):
             return f"{self.name} = '{unknown[0]}': must be one of {', '.join(self.choices)}"
         least, most = self.bounds
-        if isinstance(value, int | float) and not least <= value <= most:
-            number = f"{value:.6g}" if isinstance(value, float) else shown(value)
-            return (
-                f"{self.name} = {number} is outside {self.range_text}; "
-                f"choose a value in that range ({self.description})"
-            )
+        for each in chosen:
+            if isinstance(each, int | float) and not least <= each <= most:
+                number = f"{each:.6g}" if isinstance(each, float) else shown(each)
+                return (
+                    f"{self.name} = {number} is outside {self.range_text}; "
+                    f"choose a value in that range ({self.description})"
+                )
         return None
 
     def check(self, value: object, owner: str) -> None:
@@ -96,8 +97,10 @@ def _number(value: float) -> str:
     return f"{value:.0f}" if float(value).is_integer() else f"{value:.4g}"
 
 
-def setting(default: float, minimum: float, maximum: float, unit: str, description: str) -> Any:  # noqa: ANN401 - a field takes the type of its annotation
-    """Return a field of a `Bounded` dataclass: default, range, unit and meaning."""
+def setting(
+    default: float | tuple[float, ...], minimum: float, maximum: float, unit: str, description: str
+) -> Any:  # noqa: ANN401 - a field takes the type of its annotation
+    """Return a field of a `Bounded` dataclass: default, range of each number, unit and meaning."""
     meaning = {"minimum": minimum, "maximum": maximum, "unit": unit, "description": description}
     return field(default=default, metadata=meaning)
 
@@ -117,13 +120,17 @@ class Bounded:
             spec.check(getattr(self, spec.name), type(self).__name__)
 
 
+def _plain(default: Any) -> Any:  # noqa: ANN401 - of any parameter
+    return list(default) if isinstance(default, tuple) else default
+
+
 _BoundedT = TypeVar("_BoundedT", bound=Bounded)
 
 
 def parameter_specs(kind: type[Bounded]) -> tuple[ParameterSpec, ...]:
     """Return the table of the parameters of a `Bounded` dataclass, in the order of its fields."""
     return tuple(
-        ParameterSpec(name=each.name, default=each.default, **each.metadata)
+        ParameterSpec(name=each.name, default=_plain(each.default), **each.metadata)
         for each in fields(kind)
         if each.init and each.default is not MISSING
     )
@@ -132,7 +139,9 @@ def parameter_specs(kind: type[Bounded]) -> tuple[ParameterSpec, ...]:
 def select(kind: type[_BoundedT], values: Mapping[str, float]) -> _BoundedT:
     """Build a `Bounded` dataclass from those of the values that belong to it."""
     names = [spec.name for spec in parameter_specs(kind)]
-    return kind(**{name: values[name] for name in names if name in values})
+    given = {name: values[name] for name in names if name in values}
+    # What is frozen can be the key of a cache.
+    return kind(**{name: tuple(x) if isinstance(x, list) else x for name, x in given.items()})
 
 
 def refuse_unknown(

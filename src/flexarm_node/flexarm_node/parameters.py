@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from array import array
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +57,11 @@ def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
             real = {name: float(end) for name, end in ends.items()}
             described.floating_point_range = [FloatingPointRange(**real)]
     return described
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - of any parameter
+    """Return a value as JSON and the tables have it; rclpy gives arrays of numbers."""
+    return list(value) if isinstance(value, array) else value
 
 
 class Parameters:
@@ -127,7 +133,7 @@ class Parameters:
 
     def _read(self) -> Values:
         names = [*self._specs, *self._open_names()]
-        return {name: self._node.get_parameter(name).value for name in names}
+        return {name: _plain(self._node.get_parameter(name).value) for name in names}
 
     def _open_names(self) -> list[str]:
         if not self._open_group:
@@ -195,7 +201,7 @@ class Parameters:
         if unknown := [change.name for change in changes if self._is_unknown(change.name)]:
             named = ", ".join(map(self._with_nearest, unknown))
             return SetParametersResult(successful=False, reason=f"no parameter {named}")
-        ours = {change.name: change.value for change in changes if self._is_ours(change.name)}
+        ours = {each.name: _plain(each.value) for each in changes if self._is_ours(each.name)}
         reason = self._refusal(self._with(ours)) if ours else None
         return SetParametersResult(successful=reason is None, reason=reason or "")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_bringup.console.quantity import in_first_unit, units_of
@@ -53,7 +54,7 @@ def assigned(node: str, values: Mapping[str, Any], present: Mapping[str, Any]) -
         raise LaunchError(f"{node} has no parameter {', '.join(unknown)}")
     bare = {name: _without_unit(name, value, present[name]) for name, value in values.items()}
     for name, value in bare.items():
-        kind = _KINDS.get(type(present[name]))
+        kind = _NUMBERS if _are_numbers(present[name]) else _KINDS.get(type(present[name]))
         if kind is not None and not kind.holds(value):
             units = ", ".join(units_of(name)) if isinstance(present[name], float) else ""
             words = f"{kind.words}, or one with its unit ({units})" if units else kind.words
@@ -64,7 +65,13 @@ def assigned(node: str, values: Mapping[str, Any], present: Mapping[str, Any]) -
 def _as_kind(value: Any, present: object) -> Any:  # noqa: ANN401 - of a YAML text
     if isinstance(present, float):
         return float(value)
+    if _are_numbers(present):
+        return [float(each) for each in (value if isinstance(value, list) else [value])]
     return _SWITCH.get(str(value), value) if isinstance(present, bool) else value
+
+
+def _are_numbers(present: object) -> bool:
+    return isinstance(present, (list, array)) and all(isinstance(each, float) for each in present)
 
 
 def _without_unit(name: str, value: Any, present: object) -> Any:  # noqa: ANN401 - of YAML
@@ -100,4 +107,9 @@ _KINDS = {
     float: _Kind("a number", _is_number),
     str: _Kind("a text", lambda value: isinstance(value, str)),
 }
-"""Kinds that one word can be; a node judges lists itself."""
+"""Kinds that one word can be; a node judges lists of words itself."""
+
+_NUMBERS = _Kind(
+    "numbers, such as [1.0, 2.0]",
+    lambda value: all(map(_is_number, value if isinstance(value, list) else [value])),
+)

@@ -45,13 +45,15 @@ class RegulatorWeights(Bounded):
 
     The thesis weighs the states of its own realisation, which is not printed. Here the outputs are
     weighed, which any realisation has, and the states of the model as it is given if asked for:
-    Q = C^T diag(outputs) C + states I. The defaults were found by trial on the simulated rig.
+    Q = C^T diag(outputs) C + diag(states). The defaults were found by trial on the simulated rig.
     """
 
-    position: float = setting(1.0, 1e-3, 1e3, "1/V^2", "weight of the position")
+    position: float = setting(1.0, 0.0, 1e3, "1/V^2", "weight of the position")
     strain: float = setting(0.3, 0.0, 1e3, "1/V^2", "weight of the gauges")
     speed: float = setting(20.0, 0.0, 1e3, "1/V^2", "weight of the speed")
-    states: float = setting(0.0, 0.0, 1e3, "", "weight of every state of the model")
+    states: tuple[float, ...] = setting(
+        (0.0,), 0.0, 1e3, "", "weights of the states of the model: one for each, or one for all"
+    )
     effort: float = setting(0.6, 1e-3, 1e3, "1/V^2", "weight of the effort")
 
 
@@ -60,7 +62,9 @@ class IlqrWeights(RegulatorWeights):
     """Weights of the design of Figure 4-13 and its K_I; the thesis's observer is twice as fast."""
 
     ki: float = setting(0.0005, 0.0, 1.0, "", "gain on the sum of the errors")
-    observer_speed: float = setting(2.0, 1.0, 5.0, "", "least speed ratio to the regulator")
+    observer_speed: float = setting(
+        2.0, 0.0, 5.0, "", "least speed ratio to the regulator, 0 for none"
+    )
 
 
 @dataclass(frozen=True)
@@ -173,10 +177,20 @@ def design_regulator(
     a, b, c = model.A, model.B, model.C
     per_output = (weights.position, weights.strain, weights.strain, weights.speed)
     weighted = np.sqrt(per_output)[:, None] * c
-    q = weighted.T @ weighted + weights.states * np.eye(len(a))
+    q = weighted.T @ weighted + np.diag(_of_states(weights.states, len(a)))
     kc = quadratic_gain(a, b, q, np.array([[weights.effort]]))
     steady = c[[POSITION]] @ np.linalg.solve(np.eye(len(a)) - a + b @ kc, b)
     return kc.ravel(), float(rounded(1.0 / steady[0, 0]))
+
+
+def _of_states(weights: Sequence[float], order: int) -> FloatArray:
+    given = np.atleast_1d(np.asarray(weights, dtype=float))
+    if given.size not in {1, order}:
+        raise SettingError(
+            f"states has {given.size} weights and the model {order} states: give one for each, or "
+            "one for all"
+        )
+    return np.broadcast_to(given, order)
 
 
 class Observer:
@@ -328,12 +342,17 @@ def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -
     from flexarm_ident.models.control_library import control_library  # noqa: PLC0415
 
     try:
-        return rounded(control_library().dlqr(A, B, Q, R)[0])
+        gain = rounded(control_library().dlqr(A, B, Q, R)[0])
     except (np.linalg.LinAlgError, ValueError) as error:
+        found = str(error)
+    else:
+        found = "it does not decay" if radius(A - B @ gain) >= 1.0 else ""
+    if found:
         raise SettingError(
-            f"no regulator or observer for this model and these weights ({error}); weigh the "
+            f"no regulator or observer for this model and these weights ({found}); weigh the "
             "position more or the effort less, or identify the model again"
-        ) from error
+        )
+    return gain
 
 
 def radius(a: FloatArray) -> float:

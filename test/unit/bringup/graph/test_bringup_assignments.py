@@ -20,6 +20,7 @@ PRESENT = {
     "answer_timeout_s": 0.5,
     "max_command_v": 10.0,
     "self_test": "auto",
+    "ilqr.states": [0.0],
 }
 
 
@@ -43,6 +44,8 @@ PRESENT = {
         ("self_test=off", "off"),
         ("self_test=on", "on"),
         ("topics=[state, io]", ["state", "io"]),
+        ("ilqr.states=[2, .4, 1e-4]", [2.0, 0.4, 1e-4]),
+        ("ilqr.states=1e-4", [1e-4]),
     ],
 )
 def test_assigned___value_of_the_kind___is_taken(assignment: str, value: object) -> None:
@@ -68,6 +71,8 @@ def test_assigned___value_of_the_kind___is_taken(assignment: str, value: object)
         ("samples=3.5", "a whole number"),
         ("samples=true", "a whole number"),
         ("autostart=1", "true or false"),
+        ("ilqr.states=[1, many]", r"numbers, such as \[1.0, 2.0\]"),
+        ("ilqr.states=true", r"numbers, such as \[1.0, 2.0\]"),
     ],
 )
 def test_assigned___value_of_another_kind___is_named_with_what_it_must_be(

@@ -14,6 +14,7 @@ from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
 from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.laws.lqg import design_lqg
+from flexarm_control.laws.registry import build_law
 from flexarm_control.laws.switching import Handover
 from flexarm_control.models.nominal_models import identified_model, nominal_model
 from flexarm_control.simulation import simulate
@@ -27,12 +28,13 @@ RATE_HZ = 300.0
 WEIGHTS = IlqrWeights(position=2.0, strain=0.1, speed=0.5, effort=3.0, ki=0.001)
 
 
-@pytest.mark.parametrize("states", [0.0, 0.02])
-def test_regulator___is_the_solution_of_the_riccati_equation(states: float) -> None:
+# The last are those of section 4.4.
+@pytest.mark.parametrize("states", [(0.0,), (0.02,), (2.0, 0.4, 0.4, 0.1, *4 * (0.04,))])
+def test_regulator___is_the_solution_of_the_riccati_equation(states: tuple[float, ...]) -> None:
     model = identified_model()
     design = design_ilqr(model, replace(WEIGHTS, states=states))
     a, b, c = model.A, model.B, model.C
-    q = c.T @ np.diag([2.0, 0.1, 0.1, 0.5]) @ c + states * np.eye(model.nstates)
+    q = c.T @ np.diag([2.0, 0.1, 0.1, 0.5]) @ c + np.eye(model.nstates) * states
 
     p = solve_discrete_are(a, b, q, np.array([[3.0]]))
 
@@ -56,6 +58,25 @@ def test_observer___is_as_much_faster_as_asked_for(
     errors = np.linalg.eigvals(model.A - design.observer @ model.C[[0]])
     assert np.abs(errors).max() == pytest.approx(design.observer_radius)
     assert design.observer_radius <= design.regulator_radius**observer_speed + 1e-9
+
+
+def test_observer___of_no_least_speed___is_the_regulator_of_the_dual_system() -> None:
+    model = identified_model()
+
+    design = design_ilqr(model, IlqrWeights(observer_speed=0.0))
+
+    # As the thesis has it, with Q = I and R = 1.
+    c = model.C[[0]]
+    p = solve_discrete_are(model.A.T, c.T, np.eye(model.nstates), np.eye(1))
+    expected = model.A @ p @ c.T / (1.0 + c @ p @ c.T)
+    np.testing.assert_allclose(design.observer, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_weights_of_states___of_another_number___are_refused() -> None:
+    with pytest.raises(SettingError, match=r"2 weights and the model 8 states"):
+        design_ilqr(identified_model(), IlqrWeights(states=(1.0, 2.0)))
+    with pytest.raises(SettingError, match=r"states = -1 is outside 0 to 1000"):
+        IlqrWeights(states=(1.0, -1.0))
 
 
 def test_start___where_the_arm_rests___moves_nothing() -> None:
@@ -95,6 +116,11 @@ def test_weights_without_a_solution___are_refused_in_one_line(
 
     with pytest.raises(SettingError, match=r"no regulator or observer[^\n]*$"):
         design(lost)
+
+
+def test_weights_without_the_position___are_refused_in_one_line() -> None:
+    with pytest.raises(SettingError, match=r"no regulator or observer[^\n]*weigh the position"):
+        build_law("lqg", {"position": 0.0})
 
 
 def test_reference_gain___brings_the_model_to_the_set_point() -> None:

@@ -133,6 +133,16 @@ def test_parameters___that_are_no_json___are_refused() -> None:
             parameters_in(text)
 
 
+def test_parameters___of_a_version_with_one_weight_for_all_states___are_those_of_a_list() -> None:
+    told = [
+        Setup.of(parameters_in(json.dumps({"law": "ilqr", "reference": "topic", name: value})))
+        for name, value in (("ilqr.states", 0.02), ("ilqr.states", [0.02]))
+    ]
+
+    answers = [each.law.step((1.0, 0.1, 0.1, 0.2), 3.0) for each in told]
+    assert answers[0] == pytest.approx(answers[1], rel=1e-9)
+
+
 def test_parameters___of_a_law_on_a_model_file___have_the_model_and_not_its_place(
     tmp_path: Path,
 ) -> None:
