@@ -207,7 +207,8 @@ def _require_small(text: str) -> None:
     for event in yaml.parse(text, _Loader):
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in sizes:
-                raise YamlError(f"no YAML: *{event.anchor} names nothing that is complete before")
+                said = f"no YAML: *{event.anchor} names nothing that is complete before"
+                raise YamlError(said, event.start_mark and event.start_mark.line + 1)
             total += sizes[event.anchor]
         elif isinstance(event, yaml.ScalarEvent):
             total += 1

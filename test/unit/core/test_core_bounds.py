@@ -26,7 +26,7 @@ def test_yaml___anchors_of_a_few_values___are_read() -> None:
     [
         (doubled(40), "has more than 200000 values, aliases spelt out"),
         ("{<<: " + doubled(40) + "}", "has more than 200000 values"),
-        ("&a [*a]", r"\*a names nothing that is complete before"),
+        ("b: 2\na: &a [*a]", r"line 2: \*a names nothing that is complete before"),
         ("*a", r"\*a names nothing"),
         ("[" * 65 + "]" * 65, "is nested deeper than 64 levels"),
         ("[" * 200_000, "is nested deeper than 64 levels"),

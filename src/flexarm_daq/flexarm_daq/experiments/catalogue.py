@@ -30,7 +30,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
 
 
 class CatalogueError(FlexarmError):
-    """Unknown experiment, or one that an arm does not have."""
+    """Unknown experiment."""
 
 
 @dataclass(frozen=True)
@@ -155,22 +155,13 @@ def experiment(name: str) -> Experiment:
 def on_rig(entry: Experiment, rig: RigDescription) -> Experiment:
     """Return an experiment on a rig, at its rate; the limits of its inputs stand for 10 V.
 
-    In closed loop it lacks the gains, which are to be those of a soft position loop of the rig.
-    Several joints have half-periods of random length, from a half of those of a square wave on,
-    which is what C_dat3 has beside C_dat2: an identification tells the inputs apart by them.
-
-    Raises
-    ------
-    CatalogueError
-        When its law is one of the thesis's arm, and the rig is another.
+    In closed loop its law is `pd`, also for a controller run, whose law is one of the thesis's arm.
+    The gains are to be those of a soft position loop of the rig. Several joints have half-periods
+    of random length, from a half of those of a square wave on, which is what C_dat3 has beside
+    C_dat2: an identification tells the inputs apart by them.
     """
     if is_thesis_arm(rig):
         return entry
-    if entry.kind == "controller":
-        raise CatalogueError(
-            f"experiment {entry.name}: its law is one of the thesis's arm, and {rig.name} is "
-            "another: choose an O_dat, a B_dat or a C_dat"
-        )
     reference, profile = entry.reference, entry.profile
     if reference == "square" and len(rig.joints) > 1:
         half_s = 0.5 * profile["period_s"]
@@ -185,6 +176,7 @@ def on_rig(entry: Experiment, rig: RigDescription) -> Experiment:
         samples=round(entry.length_s * rig.rate_hz),
         rate_hz=rig.rate_hz,
         payload_kg=0.0,
+        law="pd" if entry.closed_loop else "",
         gains={},
         reference=reference,
         profile=profile,

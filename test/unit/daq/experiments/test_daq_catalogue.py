@@ -126,8 +126,6 @@ def test_experiment___on_another_rig___has_its_rate_and_the_same_length() -> Non
     assert entry.length_s == pytest.approx(experiment("B_dat1").length_s)
     assert on_rig(experiment("C_dat3"), load_rig("thesis")) is experiment("C_dat3")
     assert entry.input_text_on(rig) == "bounded random of 20 % of the limits"
-    with pytest.raises(CatalogueError, match="R_dat1: its law is one of the thesis's arm"):
-        on_rig(experiment("R_dat1"), rig)
 
 
 def test_closed_loop___on_another_rig___asks_for_its_gains_and_tells_joints_apart() -> None:
@@ -143,3 +141,12 @@ def test_closed_loop___on_another_rig___asks_for_its_gains_and_tells_joints_apar
     assert (entry.gains, entry.payload_kg) == ({}, 0.0)
     assert entry.length_s == pytest.approx(40.0)
     assert entry.input_text_on(two) == "pd, varying square of 44 % of the travel"
+
+
+def test_controller_run___on_another_rig___is_its_reference_in_the_loop_of_the_rig() -> None:
+    rig = load_rig("mujoco-two-link")
+    for run in of_kind("controller"):
+        entry = on_rig(run, rig)
+        assert (entry.law, entry.gains) == ("pd", {})
+        assert entry.profile["amplitude_v"] == run.profile["amplitude_v"]
+    assert on_rig(experiment("R_dat8"), rig).input_text_on(rig) == "pd, step of 73 % of the travel"

@@ -88,8 +88,6 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     ------
     LaunchError
         For a repeated name, an existing bag, an unreadable manifest or an incomplete record.
-    CatalogueError
-        When the rig does not have an experiment.
     """
     rig = load_rig(settings.rig)
     if settings.payload_kg and not is_thesis_arm(rig):
