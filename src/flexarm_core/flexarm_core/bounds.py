@@ -208,7 +208,8 @@ def _require_small(text: str) -> None:
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in sizes:
                 said = f"no YAML: *{event.anchor} names nothing that is complete before"
-                raise YamlError(said, event.start_mark and event.start_mark.line + 1)
+                mark = event.start_mark
+                raise YamlError(said, mark.line + 1 if mark else None)
             total += sizes[event.anchor]
         elif isinstance(event, yaml.ScalarEvent):
             total += 1
