@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
+from flexarm_core.compilation import compiled
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs import integrator
+from flexarm_daq.rigs import integrator, substep
 from flexarm_daq.rigs.beam import arm_modes
-from flexarm_daq.rigs.equations import COLUMNS, RECORD, WAY
+from flexarm_daq.rigs.equations import COLUMNS, RECORD
 from flexarm_daq.rigs.plant import equations_of
 from flexarm_daq.rigs.simulated import HUM_STREAM
 
@@ -24,7 +25,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_daq.rigs.rig_parameters import RigParameters
+    from flexarm_daq.rigs.substep import Block, Lanes
 
+_KINDS = [(name, np.float64, (4, COLUMNS)) for name in ("half", "whole")]
+_WAY = np.dtype((np.record, [("steps", np.int64), ("step_s", np.float64), *_KINDS]))
+"""`flexarm_daq.rigs.equations.Way` in an array."""
+_MANY: Final = (0,) * 8
+"""Lanes of a block for many rigs: two vectors of four fill the pipeline better than one."""
+_WORTH: Final = 3
+"""A block of fewer rigs takes longer than each of them alone."""
 _NOISE_SAMPLES: Final = 256
 """Noise is drawn for so many samples at once."""
 _KEPT_RIGS: Final = 4096
@@ -76,7 +85,7 @@ class RigBatch:
         self._rate_hz = rate_hz
         self._states = np.zeros((rigs, 2, COLUMNS))
         self._records = np.zeros(rigs, RECORD)
-        self._ways = np.zeros((rigs, 2), WAY)
+        self._ways = np.zeros((rigs, 2), _WAY)
         self._neighbours = np.arange(rigs)
         self._samples = np.zeros(rigs, np.int64)
         self._random = [np.random.default_rng() for _ in range(rigs)]
@@ -166,9 +175,7 @@ class RigBatch:
         driven_v = np.copysign(codes * self._dac_step_v, command_v)
         both_v = np.column_stack([self.command_v, driven_v])
         rigs = self._neighbours[moving[self._neighbours]]
-        integrator.advance_all(
-            self._states, self._records, both_v, self._ways, rigs, self.outputs_v
-        )
+        _advance_all(self._states, self._records, both_v, self._ways, rigs, self.outputs_v)
         self.command_v[rigs] = driven_v[rigs]
         self._samples[rigs] += 1
         self._draw_noise(rigs[self._samples[rigs] % _NOISE_SAMPLES == 0])
@@ -188,4 +195,87 @@ def _kept(parameters: RigParameters, rate_hz: float) -> tuple[NDArray[np.void], 
         )
     record = np.array([equations_of(parameters, arm_modes(parameters))], RECORD)
     parts_s = (delay_s, period_s - delay_s)
-    return record, np.array([tuple(integrator.way_of(record, each)) for each in parts_s], WAY)
+    return record, np.array([tuple(integrator.way_of(record[0], each)) for each in parts_s], _WAY)
+
+
+@compiled
+def _advance_all(  # noqa: PLR0917 - compiled code takes no keywords only
+    states: NDArray[np.float64],
+    records: NDArray[np.void],
+    command_v: NDArray[np.float64],
+    ways: NDArray[np.void],
+    moving: NDArray[np.int64],
+    outputs_v: NDArray[np.float64],
+) -> None:
+    """Move rigs of many on by a period and sample them, as `integrator.run` does with one.
+
+    Parameters
+    ----------
+    states : ndarray, (rigs, 2, COLUMNS)
+        Positions and velocities, changed in place.
+    records : ndarray of RECORD, (rigs,)
+        `Equations` of each.
+    command_v : ndarray, (rigs, 2)
+        Command in force, and the one that follows it within the period, V.
+    ways : ndarray of _WAY, (rigs, 2)
+        Sub-steps of the period before the new command acts, and after.
+    moving : ndarray of int
+        Numbers of the rigs that move. Neighbours with equal numbers of sub-steps move together.
+    outputs_v : ndarray, (rigs, 4)
+        Takes their noise-free voltages at the end of the period, V.
+    """
+    one, many = np.empty(substep.ROWS), np.empty(substep.ROWS * len(_MANY))
+    done = 0
+    while done < len(moving):
+        rigs = _alike(moving[done : done + len(_MANY)], ways)
+        done += len(rigs)
+        if len(rigs) < _WORTH:
+            for i in range(len(rigs)):
+                _advance_block(one, states, records, command_v, ways, rigs[i : i + 1], substep.ONE)
+        else:
+            _advance_block(many, states, records, command_v, ways, rigs, _MANY)
+        for rig in rigs:
+            integrator.read_out(states[rig], records[rig].output_rows, outputs_v[rig])
+
+
+@compiled
+def _advance_block(  # noqa: PLR0917 - compiled code takes no keywords only
+    block: Block,
+    states: NDArray[np.float64],
+    records: NDArray[np.void],
+    command_v: NDArray[np.float64],
+    ways: NDArray[np.void],
+    rigs: NDArray[np.int64],
+    lanes: Lanes,
+) -> None:
+    """Move at most as many rigs as there are lanes, with equal numbers of sub-steps."""
+    for lane in range(len(lanes)):
+        # Lanes without a rig of their own compute the last one's again, unused.
+        rig = rigs[min(lane, len(rigs) - 1)]
+        integrator.take_rig(block, lane, records[rig], lanes)
+        integrator.take_state(block, lane, states[rig], lanes)
+    for part in range(2):
+        steps = ways[rigs[0], part].steps
+        if steps < 1:
+            continue
+        for lane in range(len(lanes)):
+            rig = rigs[min(lane, len(rigs) - 1)]
+            integrator.take_way(
+                block, lane, records[rig], command_v[rig, part], ways[rig, part], lanes
+            )
+        substep.move(block, steps, lanes)
+    for lane in range(len(rigs)):
+        integrator.give_state(block, lane, states[rigs[lane]], lanes)
+
+
+@compiled
+def _alike(rigs: NDArray[np.int64], ways: NDArray[np.void]) -> NDArray[np.int64]:
+    """Return the first rigs, up to one whose period has other numbers of sub-steps."""
+    first = ways[rigs[0]]
+    count = 1
+    while count < len(rigs):
+        other = ways[rigs[count]]
+        if other[0].steps != first[0].steps or other[1].steps != first[1].steps:
+            break
+        count += 1
+    return rigs[:count]

@@ -65,8 +65,3 @@ class Way(NamedTuple):
     step_s: float
     half: NDArray[np.float64]
     whole: NDArray[np.float64]
-
-
-_KINDS = [(name, np.float64, (4, COLUMNS)) for name in ("half", "whole")]
-WAY = np.dtype((np.record, [("steps", np.int64), ("step_s", np.float64), *_KINDS]))
-"""Sub-steps of an interval, in an array."""

@@ -1,9 +1,9 @@
-"""Integrator of the rig's equations of motion, compiled: intervals, and many rigs at once.
+"""Integrator of the rig's equations of motion, compiled.
 
 `flexarm_daq.rigs.substep` has the sub-steps that an interval is made of.
 
 The functions write arrays in place and check nothing; `flexarm_daq.rigs.plant.Plant` calls them for
-one rig, `flexarm_extras.batch.RigBatch` (in `extras`) for many.
+one rig. `flexarm_extras.batch.RigBatch` (in `extras`) moves many at once, each in a lane.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.compilation import compiled
 from flexarm_daq.rigs import substep
 from flexarm_daq.rigs.equations import COLUMNS, MODES, POSITION, VELOCITY, Way
-from flexarm_daq.rigs.substep import MANY, ONE, ROWS
+from flexarm_daq.rigs.substep import ONE, ROWS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 SUBSTEP_RATE_HZ = 10_000.0
 """Least rate of sub-steps: over 30 of them in the shortest period, that of the gear at 306 Hz."""
-# A block of fewer rigs takes longer than each of them alone.
-_WORTH = 3
 
 
 @compiled
@@ -60,16 +58,16 @@ def run(
     equations = record[0]
     rows = equations.output_rows
     # Transitions cost more than some sub-steps: they are the same in every period.
-    before, after = _way(equations, delay_s), _way(equations, period_s - delay_s)
+    before, after = way_of(equations, delay_s), way_of(equations, period_s - delay_s)
     outputs_v = np.empty((len(command_v) - 1, len(rows)))
     block = np.empty(ROWS)
-    _take_rig(block, 0, equations, ONE)
-    _take_state(block, 0, state, ONE)
+    take_rig(block, 0, equations, ONE)
+    take_state(block, 0, state, ONE)
     for sample in range(len(outputs_v)):
-        _sample(state, rows, outputs_v[sample])
+        read_out(state, rows, outputs_v[sample])
         _move_one(block, equations, command_v[sample], before)
         _move_one(block, equations, command_v[sample + 1], after)
-        _give_state(block, 0, state, ONE)
+        give_state(block, 0, state, ONE)
     return outputs_v
 
 
@@ -80,97 +78,17 @@ def advance(
     """Move `state` on in place, by a constant command over an interval; arguments as for `run`."""
     equations = record[0]
     block = np.empty(ROWS)
-    _take_rig(block, 0, equations, ONE)
-    _take_state(block, 0, state, ONE)
-    _move_one(block, equations, command_v, _way(equations, interval_s))
-    _give_state(block, 0, state, ONE)
+    take_rig(block, 0, equations, ONE)
+    take_state(block, 0, state, ONE)
+    _move_one(block, equations, command_v, way_of(equations, interval_s))
+    give_state(block, 0, state, ONE)
 
 
 @compiled
-def advance_all(  # noqa: PLR0917 - compiled code takes no keywords only
-    states: NDArray[np.float64],
-    records: NDArray[np.void],
-    command_v: NDArray[np.float64],
-    ways: NDArray[np.void],
-    moving: NDArray[np.int64],
-    outputs_v: NDArray[np.float64],
-) -> None:
-    """Move rigs of many on by a period and sample them, as `run` does with one.
-
-    Parameters
-    ----------
-    states : ndarray, (rigs, 2, COLUMNS)
-        Positions and velocities, changed in place.
-    records : ndarray of RECORD, (rigs,)
-        `Equations` of each.
-    command_v : ndarray, (rigs, 2)
-        Command in force, and the one that follows it within the period, V.
-    ways : ndarray of WAY, (rigs, 2)
-        Sub-steps of the period before the new command acts, and after.
-    moving : ndarray of int
-        Numbers of the rigs that move. Neighbours with equal numbers of sub-steps move together.
-    outputs_v : ndarray, (rigs, 4)
-        Takes their noise-free voltages at the end of the period, V.
-    """
-    one, many = np.empty(ROWS), np.empty(ROWS * len(MANY))
-    done = 0
-    while done < len(moving):
-        rigs = _alike(moving[done : done + len(MANY)], ways)
-        done += len(rigs)
-        if len(rigs) < _WORTH:
-            for i in range(len(rigs)):
-                _advance_block(one, states, records, command_v, ways, rigs[i : i + 1], ONE)
-        else:
-            _advance_block(many, states, records, command_v, ways, rigs, MANY)
-        for rig in rigs:
-            _sample(states[rig], records[rig].output_rows, outputs_v[rig])
-
-
-@compiled
-def _advance_block(  # noqa: PLR0917 - compiled code takes no keywords only
-    block: Block,
-    states: NDArray[np.float64],
-    records: NDArray[np.void],
-    command_v: NDArray[np.float64],
-    ways: NDArray[np.void],
-    rigs: NDArray[np.int64],
-    lanes: Lanes,
-) -> None:
-    """Move at most as many rigs as there are lanes, with equal numbers of sub-steps."""
-    for lane in range(len(lanes)):
-        # Lanes without a rig of their own compute the last one's again, unused.
-        rig = rigs[min(lane, len(rigs) - 1)]
-        _take_rig(block, lane, records[rig], lanes)
-        _take_state(block, lane, states[rig], lanes)
-    for part in range(2):
-        steps = ways[rigs[0], part].steps
-        if steps < 1:
-            continue
-        for lane in range(len(lanes)):
-            rig = rigs[min(lane, len(rigs) - 1)]
-            _take_way(block, lane, records[rig], command_v[rig, part], ways[rig, part], lanes)
-        substep.move(block, steps, lanes)
-    for lane in range(len(rigs)):
-        _give_state(block, lane, states[rigs[lane]], lanes)
-
-
-@compiled
-def _alike(rigs: NDArray[np.int64], ways: NDArray[np.void]) -> NDArray[np.int64]:
-    """Return the first rigs, up to one whose period has other numbers of sub-steps."""
-    first = ways[rigs[0]]
-    count = 1
-    while count < len(rigs):
-        other = ways[rigs[count]]
-        if other[0].steps != first[0].steps or other[1].steps != first[1].steps:
-            break
-        count += 1
-    return rigs[:count]
-
-
-@compiled
-def _sample(
+def read_out(
     state: NDArray[np.float64], rows: NDArray[np.float64], outputs_v: NDArray[np.float64]
 ) -> None:
+    """Take the noise-free voltages of a state, V."""
     for channel in range(len(rows)):
         outputs_v[channel] = 0.0
         for column in range(COLUMNS):
@@ -178,13 +96,8 @@ def _sample(
 
 
 @compiled
-def way_of(record: NDArray[np.void], interval_s: float) -> Way:
-    """Return the sub-steps of an interval; the record has shape (1,)."""
-    return _way(record[0], interval_s)
-
-
-@compiled
-def _way(equations: Equations, interval_s: float) -> Way:
+def way_of(equations: Equations, interval_s: float) -> Way:
+    """Return the sub-steps of an interval."""
     # The margin of 0.1 ns keeps a rounding error in the interval from costing a sub-step.
     steps = math.ceil(interval_s * SUBSTEP_RATE_HZ - 1e-6)
     step_s = interval_s / max(steps, 1)
@@ -196,12 +109,13 @@ def _way(equations: Equations, interval_s: float) -> Way:
 @compiled
 def _move_one(block: Block, equations: Equations, command_v: float, way: Way) -> None:
     if way.steps > 0:
-        _take_way(block, 0, equations, command_v, way, ONE)
+        take_way(block, 0, equations, command_v, way, ONE)
         substep.move(block, way.steps, ONE)
 
 
 @compiled
-def _take_rig(block: Block, lane: int, equations: Equations, lanes: Lanes) -> None:
+def take_rig(block: Block, lane: int, equations: Equations, lanes: Lanes) -> None:
+    """Put the equations of a rig into a lane of a block."""
     n = len(lanes)
     block[substep.MOTOR_INERTIA * n + lane] = equations.motor_inertia
     block[substep.COULOMB_FRICTION * n + lane] = equations.coulomb_friction
@@ -217,9 +131,10 @@ def _take_rig(block: Block, lane: int, equations: Equations, lanes: Lanes) -> No
 
 
 @compiled
-def _take_way(  # noqa: PLR0917 - compiled code takes no keywords only
+def take_way(  # noqa: PLR0917 - compiled code takes no keywords only
     block: Block, lane: int, equations: Equations, command_v: float, way: Way, lanes: Lanes
 ) -> None:
+    """Put the sub-steps of an interval, and the command in it, into a lane."""
     n = len(lanes)
     for entry in range(4):
         for i in range(COLUMNS):
@@ -238,7 +153,8 @@ def _take_way(  # noqa: PLR0917 - compiled code takes no keywords only
 
 
 @compiled
-def _take_state(block: Block, lane: int, state: NDArray[np.float64], lanes: Lanes) -> None:
+def take_state(block: Block, lane: int, state: NDArray[np.float64], lanes: Lanes) -> None:
+    """Put a state into a lane."""
     n = len(lanes)
     for i in range(COLUMNS):
         block[(substep.POSITIONS + i) * n + lane] = state[POSITION, i]
@@ -246,7 +162,8 @@ def _take_state(block: Block, lane: int, state: NDArray[np.float64], lanes: Lane
 
 
 @compiled
-def _give_state(block: Block, lane: int, state: NDArray[np.float64], lanes: Lanes) -> None:
+def give_state(block: Block, lane: int, state: NDArray[np.float64], lanes: Lanes) -> None:
+    """Take a state out of a lane."""
     n = len(lanes)
     for i in range(COLUMNS):
         state[POSITION, i] = block[(substep.POSITIONS + i) * n + lane]

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 ONE: Final = (0,)
 """Lanes of a block for one rig."""
-MANY: Final = (0,) * 8
-"""Lanes of a block for many: two vectors of four fill the pipeline better than one."""
 
 # First rows of the quantities with one row for each column of the state, or for each mode.
 POSITIONS, VELOCITIES = 0, COLUMNS
