@@ -24,8 +24,8 @@ from flexarm_control.models.arm_model import (
     SPEED,
     check_arm_model,
     delayed,
-    frequency_response,
 )
+from flexarm_ident.fitting.validation import frequency_response
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -100,7 +100,7 @@ class LoopResponse:
         self.model = delayed(model, delay_s)
         self._lowest_hz = lowest_hz
         self._frequency_hz = margin_frequencies_hz(model)
-        self._response = frequency_response(self.model, self._frequency_hz)
+        self._response = frequency_response(self.model, self._frequency_hz)[..., 0]
 
     def margins(self, gains: PdpGains) -> Margins:
         """Return the margins for these gains."""

@@ -15,10 +15,9 @@ from flexarm_control.models.arm_model import (
     check_arm_model,
     check_no_feedthrough,
     delayed,
-    frequency_response,
 )
 from flexarm_control.models.nominal_models import identified_model
-from flexarm_ident.models.state_space import state_space
+from flexarm_ident.fitting.validation import frequency_response
 
 if TYPE_CHECKING:
     import control
@@ -36,7 +35,7 @@ class RegulatorLoop:
         self.model = delayed(model, delay_s)
         check_no_feedthrough(self.model)
         self._frequency_hz = margin_frequencies_hz(model)
-        self._response = frequency_response(self.model, self._frequency_hz)
+        self._response = frequency_response(self.model, self._frequency_hz)[..., 0]
 
     def margins(self, design: IlqrDesign) -> Margins:
         """Return gain, phase and disk margins of the loop, opened at the effort.
@@ -45,10 +44,7 @@ class RegulatorLoop:
         loop of the controller at once.
         """
         law = controller_model(design)
-        # The transposed system has one input, as `frequency_response` wants it.
-        measured = slice(len(OUTPUTS))
-        turned = state_space(law.A.T, law.C.T, law.B.T[measured], law.D.T[measured], law.dt)
-        gains = frequency_response(turned, self._frequency_hz)
+        gains = frequency_response(law, self._frequency_hz)[:, 0, : len(OUTPUTS)]
         return loop_margins(
             self._frequency_hz,
             -np.sum(gains * self._response, axis=1),

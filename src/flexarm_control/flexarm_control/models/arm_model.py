@@ -15,14 +15,13 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_core.arrays import ComplexArray, FloatArray
+    from flexarm_core.arrays import FloatArray
 
 #: The measured signals, in the order of the thesis (y1 to y4).
 OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
 POSITION, BASE_STRAIN, MIDDLE_STRAIN, SPEED = range(4)
 
 
-_FREQUENCIES_AT_ONCE = 512
 _ROUNDING = 1e-9
 _FROM_HZ = 0.1
 _LOOKED_AT = 200
@@ -141,38 +140,15 @@ def _append_held_input(
     )
 
 
-def frequency_response(model: control.StateSpace, frequency_hz: FloatArray) -> ComplexArray:
-    """Return the response C (zI - A)^-1 B + D of a discrete-time model with one input, (2-4).
-
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete-time model with one input.
-    frequency_hz : ndarray, (frequencies,)
-        Frequencies, Hz.
-
-    Returns
-    -------
-    ndarray of complex, (frequencies, outputs)
-        Response.
-    """
-    A, B, C, D = (np.asarray(matrix) for matrix in (model.A, model.B, model.C, model.D))
-    z = np.exp(2j * np.pi * frequency_hz * model.dt)
-    eye = np.eye(len(A))
-    # Portions save memory: a large model has one large resolvent per frequency.
-    parts = [
-        np.linalg.solve(part[:, None, None] * eye - A, B[None])[..., 0] @ C.T + D.T
-        for part in np.array_split(z, 1 + len(z) // _FREQUENCIES_AT_ONCE)
-    ]
-    return np.concatenate(parts)
-
-
 def unreached_outputs(model: control.StateSpace) -> tuple[str, ...]:
     """Return the outputs of a model of the arm that its input does not move, rounding apart.
 
     Such an output is a channel that the rig does not have: its record is constant.
     """
+    # The identification is loaded only to look at a model.
+    from flexarm_ident.fitting.validation import frequency_response  # noqa: PLC0415
+
     frequency_hz = np.geomspace(_FROM_HZ, 0.5 / model.dt, _LOOKED_AT)
-    largest = np.abs(frequency_response(model, frequency_hz)).max(axis=0)
+    largest = np.abs(frequency_response(model, frequency_hz)[..., 0]).max(axis=0)
     rests = largest <= _ROUNDING * largest.max()
     return tuple(name for name, is_so in zip(OUTPUTS, rests, strict=True) if is_so)

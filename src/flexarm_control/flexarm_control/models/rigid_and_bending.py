@@ -19,7 +19,6 @@ from flexarm_control.models.arm_model import (
     POSITION,
     check_arm_model,
     check_no_feedthrough,
-    frequency_response,
 )
 from flexarm_core.errors import SettingError
 
@@ -98,6 +97,7 @@ def design_model(model: control.StateSpace) -> DesignModel:
         not that of a hub which turns freely.
     """
     # The identification is loaded only to make a model.
+    from flexarm_ident.fitting.validation import frequency_response  # noqa: PLC0415
     from flexarm_ident.models.state_space import state_space, with_matrices  # noqa: PLC0415
 
     check_arm_model(model)
@@ -105,9 +105,11 @@ def design_model(model: control.StateSpace) -> DesignModel:
     modes_hz, poles = bending_modes(model)
     most_hz = min(_BEYOND_LAST * modes_hz[-1], 0.5 / model.dt)
     frequency_hz = np.geomspace(_FROM_HZ, most_hz, _FREQUENCIES)
-    response = frequency_response(model, frequency_hz)
+    response = frequency_response(model, frequency_hz)[..., 0]
     A, B = _blocks(poles)
-    states = frequency_response(state_space(A, B, np.eye(len(A)), 0.0, model.dt), frequency_hz)
+    states = frequency_response(state_space(A, B, np.eye(len(A)), 0.0, model.dt), frequency_hz)[
+        ..., 0
+    ]
     z = np.exp(2j * np.pi * frequency_hz * model.dt)
 
     def fit(time_constant_s: float) -> _Fit:

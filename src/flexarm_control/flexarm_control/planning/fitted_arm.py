@@ -13,7 +13,6 @@ from flexarm_control.models.arm_model import (
     OUTPUTS,
     POSITION,
     check_arm_model,
-    frequency_response,
 )
 from flexarm_control.models.rigid_and_bending import bending_modes
 from flexarm_control.planning.flat_arm import FlatArm
@@ -70,12 +69,15 @@ def fitted_arm(model: control.StateSpace, figures: ArmFigures) -> OneArm:
         When the model has other signals or no bending mode, or its position is not that of a hub
         that turns freely.
     """
+    # The identification is loaded only for a fit.
+    from flexarm_ident.fitting.validation import frequency_response  # noqa: PLC0415
+
     check_arm_model(model)
     modes_hz, poles = bending_modes(model)
     rates_per_s = np.log(poles) / model.dt
     most_hz = min(_BEYOND_FIRST * modes_hz[0], 0.45 / model.dt)
     frequency_hz = np.geomspace(_FROM_HZ, most_hz, _FREQUENCIES)
-    response = frequency_response(model, frequency_hz)
+    response = frequency_response(model, frequency_hz)[..., 0]
     s = 2j * pi * frequency_hz
     # The command is held over a period.
     held = -np.expm1(-s * model.dt) / (s * model.dt)

@@ -30,6 +30,7 @@ _LAW_RESIDUAL = 1e-6
 # Share of the rows that a law must explain, and the reweightings that find it.
 _LAW_SHARE = 0.9
 _LAW_ITERATIONS = 30
+_FREQUENCIES_AT_ONCE = 512
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -330,8 +331,13 @@ def frequency_response(model: control.StateSpace, frequencies_hz: ArrayLike) -> 
         Frequencies.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies_hz, dtype=np.float64) * model.dt)
-    resolvent = z[:, np.newaxis, np.newaxis] * np.eye(model.nstates) - model.A
-    return np.asarray(model.C @ np.linalg.solve(resolvent, model.B) + model.D)
+    eye = np.eye(model.nstates)
+    # Portions save memory: a large model has one large resolvent per frequency.
+    parts = [
+        model.C @ np.linalg.solve(part[:, np.newaxis, np.newaxis] * eye - model.A, model.B)
+        for part in np.array_split(z, 1 + len(z) // _FREQUENCIES_AT_ONCE)
+    ]
+    return np.asarray(np.concatenate(parts) + model.D)
 
 
 def _initial_state(model: control.StateSpace, data: IoData) -> FloatArray:

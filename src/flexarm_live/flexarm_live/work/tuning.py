@@ -12,8 +12,9 @@ from flexarm_control.design.step_response import pdp_step_response
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.laws.registry import LAWS
-from flexarm_control.models.arm_model import MIDDLE_STRAIN, POSITION, SPEED, frequency_response
+from flexarm_control.models.arm_model import MIDDLE_STRAIN, POSITION, SPEED
 from flexarm_core.errors import SettingError
+from flexarm_ident.fitting.validation import frequency_response
 from flexarm_live.work.process import serve
 
 if TYPE_CHECKING:
@@ -89,7 +90,9 @@ def _loop(
 ) -> dict[str, Any]:
     """Return the margins of one model, and the loop (4-2) opened at the position error."""
     hz = np.geomspace(_LOWEST_HZ, 0.5 / model.dt, _FREQUENCIES)
-    position, strain, speed = frequency_response(model, hz)[:, [POSITION, MIDDLE_STRAIN, SPEED]].T
+    position, strain, speed = frequency_response(model, hz)[
+        :, [POSITION, MIDDLE_STRAIN, SPEED], 0
+    ].T
     loop = gains.kp * position / (1.0 + gains.ksg * strain + gains.kd * speed)
     return {
         "model": name,

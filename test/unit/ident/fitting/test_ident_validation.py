@@ -179,7 +179,7 @@ def test_validate_sfv___not_available___raises_with_the_reason() -> None:
 
 def test_frequency_response___random_model___equals_python_control() -> None:
     model = random_model(4, feedthrough=True)
-    hz = np.array([0.1, 5.0, 40.0, 149.0])
+    hz = np.geomspace(0.1, 149.0, 1100)
     expected = control.frequency_response(model, 2.0 * np.pi * hz, squeeze=False)
     found = frequency_response(model, hz)
     np.testing.assert_allclose(found, np.moveaxis(expected.complex, 2, 0), rtol=1e-9)
