@@ -37,8 +37,23 @@ autodoc_typehints_format = "short"
 autodoc_use_type_comments = False
 # Nor does anything here ask for the lines of a definition, which are a seventh of the whole time.
 Parser.parse_definition = lambda _: None
+
+
+@cache
+def _last_parts(domain: PythonDomain) -> frozenset[str]:
+    return frozenset(name.rpartition(".")[2] for name in domain.objects)
+
+
+def _found(domain: PythonDomain, *asked: Any) -> Any:  # noqa: ANN401 - as Sphinx calls it
+    """Look through all names only for one that ends so: most types are those of libraries."""
+    *_, name, _, _ = asked
+    known = name.removesuffix("()").rpartition(".")[2] in _last_parts(domain)
+    return _among_all(domain, *asked) if known else []
+
+
 # A type of another module is looked for among all names, and each page has the same ones.
-PythonDomain.find_obj = cache(PythonDomain.find_obj)
+_among_all = cache(PythonDomain.find_obj)
+PythonDomain.find_obj = _found
 add_module_names = False
 napoleon_google_docstring = False
 # Words such as "inputs" would be linked to whatever has that name.

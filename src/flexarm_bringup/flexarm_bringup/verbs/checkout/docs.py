@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import io
+import logging
 import shutil
 import sys
-from contextlib import redirect_stderr
+from contextlib import contextmanager, redirect_stderr
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import click
 
@@ -21,6 +24,10 @@ from flexarm_bringup.verbs.checkout.pages import steps
 from flexarm_bringup.verbs.checkout.transcripts import outdated
 from flexarm_core.outputs import MARK, is_replaceable
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_MANY_OBJECTS = 1_000_000
 _BUILD = ".buildinfo"
 """File that Sphinx writes with a site."""
 _TOOLS = ("sphinx", "myst_parser", "furo", "sphinx_copybutton")
@@ -98,7 +105,7 @@ def build_site(root: Path, out: Path, *, force: bool = False) -> str:
         if not (pages / "reproduction").exists():
             (pages / "reproduction").mkdir()
             (pages / "reproduction" / "index.md").write_text(_NOT_REPRODUCED, "utf-8")
-        with redirect_stderr(io.StringIO()) as said:
+        with _at_work(), redirect_stderr(io.StringIO()) as said:
             build_main(["-b", "html", "-q", "-N", str(pages), str(site)])
         if (site / _BUILD).is_file():
             words = (site / _BUILD).read_text("utf-8")
@@ -106,6 +113,22 @@ def build_site(root: Path, out: Path, *, force: bool = False) -> str:
             shutil.rmtree(out, ignore_errors=True)
             shutil.copytree(site, out, ignore=shutil.ignore_patterns(".doctrees"))
     return said.getvalue().replace(f"{pages}/", "docs/")
+
+
+@contextmanager
+def _at_work() -> Iterator[None]:
+    """Let Sphinx make no records below warnings, and look for garbage when there is some.
+
+    It holds all pages as trees until its end: a look over them finds nothing.
+    """
+    often = gc.get_threshold()
+    gc.set_threshold(_MANY_OBJECTS, *often[1:])
+    logging.disable(logging.INFO)
+    try:
+        yield
+    finally:
+        logging.disable(logging.NOTSET)
+        gc.set_threshold(*often)
 
 
 def _is_site(folder: Path) -> bool:
