@@ -4,5 +4,5 @@ from support.loaded_modules import loaded
 
 
 def test_import_of_the_node__slow_libraries___wait_until_they_are_needed() -> None:
-    slow = "control matplotlib numba scipy.optimize scipy.signal scipy.stats"
+    slow = "control matplotlib numba scipy.linalg scipy.optimize scipy.signal scipy.stats"
     assert not loaded("flexarm_control.controller_node", slow)

@@ -30,7 +30,7 @@ from operator import sub
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
+import scipy
 
 from flexarm_core.specs import Bounded, setting
 
@@ -222,7 +222,7 @@ def _filters(
         a[bending + 1, _FILTER_ORDER + 1] = detection.strain_per_speed_s2 / instrument
     held = np.zeros((a.shape[0] + b.shape[1],) * 2)
     held[: len(a)] = np.hstack([a, b])
-    transition = expm(dt_s * held)[: len(a)]
+    transition = scipy.linalg.expm(dt_s * held)[: len(a)]
     return transition[:, : len(a)], transition[:, len(a) :]
 
 

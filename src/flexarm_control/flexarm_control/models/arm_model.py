@@ -6,7 +6,7 @@ from math import floor
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import fractional_matrix_power
+import scipy
 
 from flexarm_core.errors import SettingError
 
@@ -124,7 +124,7 @@ def _input_over_fraction(A: FloatArray, B: FloatArray, fraction: float) -> Float
     order, inputs = B.shape
     transition = np.block([[A, B], [np.zeros((inputs, order)), np.eye(inputs)]])
     # A negative real pole has two complex fractional powers; the real part is their mean.
-    part: FloatArray = np.real(fractional_matrix_power(transition, fraction))
+    part: FloatArray = np.real(scipy.linalg.fractional_matrix_power(transition, fraction))
     return part[:order, order:]
 
 
