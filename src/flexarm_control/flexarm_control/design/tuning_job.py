@@ -218,17 +218,19 @@ def _tune_schedule(models: Models, request: TuneRequest) -> TuneResult:
             f"got {len(models)} models"
         )
     names = sorted(models, key=payload_kg)
+    payloads = [payload_kg(name) for name in names]
+    # The law checks the payloads, before the work.
+    ScheduleGains(**{f"{row}_kg": kg for row, kg in zip(_SCHEDULE, payloads, strict=True)})
     found = _confirmed_pdp(list(models.values()), request)
     rows: dict[str, float] = {}
     notes = []
-    for row, name in zip(_SCHEDULE, names, strict=True):
-        kg, alone = payload_kg(name), _confirmed_pdp([models[name]], request)
+    for row, name, kg in zip(_SCHEDULE, names, payloads, strict=True):
+        alone = _confirmed_pdp([models[name]], request)
         values = {"kg": kg, **asdict(alone.gains)}
         rows |= {f"{row}_{key}": value for key, value in values.items()}
         bounds = at_bounds(alone.active)
         stopped = f"{stopped_by(bounds)}, " if bounds else ""
         notes.append(f"{kg:g} kg alone: J {alone.criterion:.4g}, {stopped}{confirmation(alone)}")
-    # The law checks the payloads.
     gains = ScheduleGains(**asdict(found.gains), **rows)
     return _pdp_result(found, request, _prefixed("pdpc_scheduled", asdict(gains)), notes)
 
