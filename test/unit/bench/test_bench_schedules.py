@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-PARTS = 4
-SEEDS = 100
+PARTS = 3
+SEEDS = 60
 MOST_EVENTS = 12
 QUIET_NS = 500_000_000
 

@@ -21,7 +21,8 @@ def test_identification__whole_way_to_the_report___needs_no_library_that_takes_l
         "from pathlib import Path; from flexarm_ident.workflow.request import Request\n"
         f"bags, out = [Path({str(BAGS / 'c_dat3_0g')!r})], Path({str(tmp_path)!r})\n"
         "identify_bags(bags, out / 'found', Request())\n"
-        "report_bags(bags, out / 'report.html', Request(reduction='mrm', update='b'))\n"
+        "chosen = Request(order=6, method='orse', reduction='mrm', update='b')\n"
+        "report_bags(bags, out / 'report.html', chosen)\n"
         "slow = {'matplotlib', 'numba', 'scipy.optimize', 'scipy.signal', 'scipy.stats'}\n"
         "print(slow & set(sys.modules))"
     )
