@@ -208,7 +208,7 @@ def test_step___of_the_joint_that_was_chosen___is_drawn(
     assert command == "./flexarm reference elbow 0.2"
 
 
-def test_arm_of_one_joint___has_one_set_point_in_its_unit(browser: Browser) -> None:
+def test_arm_of_one_joint___has_one_set_point_in_its_unit_and_stops(browser: Browser) -> None:
     with LiveMock(rig=ONE_JOINT) as mock:
         opened(browser, mock)
         browser.ask("document.querySelector('#arm .ghost').focus()")
@@ -216,6 +216,10 @@ def test_arm_of_one_joint___has_one_set_point_in_its_unit(browser: Browser) -> N
         wait_until(lambda: mock.arm.references == pytest.approx([1.0]))
         assert "joint" not in asked(mock, "reference")[0]
         assert browser.ask("document.querySelectorAll('#setpoints .slide').length") == 1
+        browser.press("Space")
+        browser.wait_for("document.getElementById('badge').dataset.state === 'STOPPED'")
+        browser.click("#release")
+        browser.wait_for("document.getElementById('badge').dataset.state === 'OFF'")
 
 
 def test_cart___slides___to_where_its_handle_is_drawn(browser: Browser) -> None:

@@ -33,17 +33,18 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.system
 
-# Twin whose second rate is not a number from an instant on.
+# Twin whose last reading is not a number as soon as a file is there.
 BREAKING = """
 import math
+from pathlib import Path
 
 from flexarm_control.twin import TwinRig
 
 class Breaking(TwinRig):
     def read(self):
         sample = super().read()
-        if sample.time_s > 2.0:
-            sample.outputs[3] = math.nan
+        if Path(__file__).with_name("broken").exists():
+            sample.outputs[-1] = math.nan
         return sample
 """
 TOPICS = ["commander", "law", "rig_description", "io", "io_channels", "io_command", "io_reference"]
@@ -160,7 +161,7 @@ def test_up___its_page___moves_each_joint_stops_and_releases(graph: Graph, tmp_p
     process.send(signal.SIGINT)
     assert process.exit_code() == 0, process.printed
     found = replay(read_loop(bag))
-    assert found.compared > 1000
+    assert found.compared > 100
     assert found.differences == ()
 
 
@@ -189,9 +190,20 @@ def test_experiment_in_closed_loop___of_two_motors___is_recorded_and_identified(
     assert replay(read_loop(bag)).differences == ()
 
 
-@pytest.mark.parametrize("end", ["kill", "hang", "emergency stop", "sensor fault"])
-def test_drives___of_all_inputs___go_to_zero(graph: Graph, tmp_path: Path, end: str) -> None:
-    file, _ = rig_of(tmp_path, two_motors())
+@pytest.mark.parametrize(
+    ("end", "model"),
+    [
+        ("kill", one_motor()),
+        ("hang", two_motors()),
+        ("emergency stop", two_motors()),
+        ("sensor fault", one_motor()),
+    ],
+    ids=["kill", "hang", "emergency stop", "sensor fault"],
+)
+def test_drives___of_all_inputs___go_to_zero(
+    graph: Graph, tmp_path: Path, end: str, model: control.StateSpace
+) -> None:
+    file, _ = rig_of(tmp_path, model)
     if end == "sensor fault":
         (tmp_path / "breaking.py").write_text(BREAKING)
         text = file.read_text()
@@ -202,7 +214,7 @@ def test_drives___of_all_inputs___go_to_zero(graph: Graph, tmp_path: Path, end: 
     wave = {"reference": "square", "square.period_s": 0.4}
     controller = start(graph, file, {"time": "real"}, **wave)
     assert graph.transition("daq", "activate")
-    graph.wait(lambda: any(np.abs(each.inputs).min() > 0.1 for each in samples), "both drives")
+    graph.wait(lambda: any(np.abs(each.inputs).min() > 0.1 for each in samples), "all drives")
     if end == "kill":
         graph.stop(controller, signal.SIGKILL)
     elif end == "hang":
@@ -210,7 +222,8 @@ def test_drives___of_all_inputs___go_to_zero(graph: Graph, tmp_path: Path, end: 
     elif end == "emergency stop":
         assert graph.call(Trigger, "emergency_stop", Trigger.Request()).success
     else:
-        graph.wait(lambda: bool(np.isnan(samples[-1].outputs[3])), "the sensor's fault")
+        (tmp_path / "broken").touch()
+        graph.wait(lambda: bool(np.isnan(samples[-1].outputs[-1])), "the sensor's fault")
     samples.clear()
     graph.wait(lambda: len(samples) > 100, "samples behind the end")
     # Three periods, and what was on its way.

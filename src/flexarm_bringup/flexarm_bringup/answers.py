@@ -43,8 +43,8 @@ _FIXED = (
 
 
 def write(folder: Path, group: LazyVerbGroup) -> None:
-    """Write what the script answers from, all at once."""
-    made = folder.with_name(f"{folder.name}.new")
+    """Write what the script answers from, all at once; of several calls beside each other, one."""
+    made = folder.with_name(f"{folder.name}.{os.getpid()}")
     for name in (*WIDTHS, *_SHELLS):
         (made / str(name)).mkdir(parents=True, exist_ok=True)
     for verb in (_ROOT, *group.places):
@@ -52,7 +52,10 @@ def write(folder: Path, group: LazyVerbGroup) -> None:
     for verb, *given in _FIXED:
         _write_words(made, " ".join((verb, *given)), completed(verb, given, "") or ())
     shutil.rmtree(folder, ignore_errors=True)
-    made.rename(folder)
+    try:
+        made.rename(folder)
+    except OSError:  # another call's are there since
+        shutil.rmtree(made)
 
 
 def write_verb(folder: Path, group: LazyVerbGroup, verb: str) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
@@ -47,6 +49,25 @@ def script(install: Path, *words: str, **settings: str) -> subprocess.CompletedP
         text=True,
         check=False,
     )
+
+
+def test_files___of_two_calls_at_once___are_those_of_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / ".flexarm-answers"
+    monkeypatch.setattr(os, "getpid", itertools.count(1).__next__)
+    remove = shutil.rmtree
+
+    def beside(old: Path, *, ignore_errors: bool) -> None:
+        """Remove what is old, and let another call end before this one."""
+        remove(old, ignore_errors=ignore_errors)
+        monkeypatch.setattr(shutil, "rmtree", remove)
+        answers.write(folder, _GROUP)
+
+    monkeypatch.setattr(shutil, "rmtree", beside)
+    answers.write(folder, _GROUP)
+    assert [each.name for each in tmp_path.iterdir()] == [folder.name]
+    assert (folder / "80" / "up").is_file()
 
 
 @pytest.mark.parametrize("words", [(), ("identify",), ("bag", "check"), ("exec",)], ids=" ".join)
