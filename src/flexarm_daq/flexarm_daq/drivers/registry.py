@@ -11,7 +11,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from flexarm_core.channels import CHANNEL_NAMES, COMMAND, is_thesis_arm
+from flexarm_core.channels import COMMAND, is_thesis_arm
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.own_modules import failed_line, own_module, told
@@ -25,6 +25,7 @@ from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_protocol import METHODS
 from flexarm_daq.rigs.simulated import SimulatedRig
+from flexarm_daq.rigs.tip_rig import TipRig, TipSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,15 +38,22 @@ GROUP: Final = "flexarm.rigs"
 
 
 def _simulated(rig: RigDescription, _: Path) -> Rig:
+    if not is_thesis_arm(rig):
+        return _with_other_sensors(rig)
     if rig.settings:
         raise SettingError("the simulated rig has no settings here, but parameters of the node daq")
-    if not is_thesis_arm(rig):
-        raise SettingError(
-            f"rig {rig.name}: the driver simulated is the thesis's arm, whose signals are "
-            f"{', '.join((COMMAND.name, *CHANNEL_NAMES))}: simulate another arm by the driver twin "
-            "or mujoco"
-        )
     return SimulatedRig(rate_hz=rig.rate_hz)
+
+
+def _with_other_sensors(rig: RigDescription) -> Rig:
+    if rig.input_names != (COMMAND.name,):
+        raise SettingError(
+            f"rig {rig.name}: the driver simulated is the thesis's arm, whose input is "
+            f"{COMMAND.name}: simulate another arm by the driver twin or mujoco"
+        )
+    settings = settings_of(TipSettings, rig, rate_hz=rig.rate_hz)
+    require_count("sensors", settings.sensors, rig.output_names)
+    return TipRig(settings)
 
 
 def _nidaq(rig: RigDescription, _: Path) -> Rig:

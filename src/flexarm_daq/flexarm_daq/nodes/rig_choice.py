@@ -77,7 +77,8 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
 
 def chosen_rig(values: Mapping[str, Any]) -> Rig:
     """Make the rig that the parameter `rig` names: a driver, or a description with its own."""
-    if driver_name(values) == "simulated":
+    description = load_rig(values["rig"])
+    if description.driver == "simulated" and is_thesis_arm(description):
         return _simulated(values)
     if values["rig"] == "nidaq":
         start = "nidaq."
@@ -86,7 +87,6 @@ def chosen_rig(values: Mapping[str, Any]) -> Rig:
         }
         wired |= {"sensors": tuple(wired["sensors"]), "rate_hz": values["rate_hz"]}
         return NidaqRig(NidaqSettings(**wired))
-    description = load_rig(values["rig"])
     if description.rate_hz != values["rate_hz"]:
         raise SettingError(
             f"rate_hz = {values['rate_hz']:g} of the node and {description.rate_hz:g} of "

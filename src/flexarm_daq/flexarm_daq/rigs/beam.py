@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 ELEMENTS = 24
 FLEXIBLE_MODES = 6
 
+TIP_DEFLECTION = -2
+"""Place of the deflection of the last node in a shape."""
+
 _ELEMENT_DOFS = 4
 _UNIT_MASS = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
 _UNIT_STIFFNESS = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
@@ -90,7 +93,7 @@ def hub_beam_modes(parameters: RigParameters, hub_kg_m2: float, flexible: int) -
     """Return one rigid and some flexible modes of the beam with a given inertia at its hub."""
     mass, stiffness = _assemble(parameters)
     mass[0, 0] += hub_kg_m2
-    mass[-2, -2] += parameters.tip_mass_kg + parameters.payload_kg
+    mass[TIP_DEFLECTION, TIP_DEFLECTION] += parameters.tip_mass_kg + parameters.payload_kg
     mass[-1, -1] += parameters.tip_inertia_kg_m2
     squares, bending = eigenmodes(stiffness, mass, flexible, _ELEMENT_DOFS - 1)
     shapes = np.column_stack([_rigid_shape(parameters, mass), bending * np.sign(bending[0])])

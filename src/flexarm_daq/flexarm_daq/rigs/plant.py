@@ -21,7 +21,7 @@ import numpy as np
 from flexarm_core.channels import CHANNELS
 from flexarm_core.errors import SettingError
 from flexarm_daq.rigs import integrator
-from flexarm_daq.rigs.beam import BeamModes, arm_modes, carried_over
+from flexarm_daq.rigs.beam import TIP_DEFLECTION, BeamModes, arm_modes, carried_over
 from flexarm_daq.rigs.equations import (
     ARM,
     COLUMNS,
@@ -112,6 +112,12 @@ class Plant:
             "ij,j", self._equations.output_rows, self.state[POSITION]
         )
         return volts
+
+    def tip(self) -> tuple[float, float]:
+        """Return direction and speed of the tip, seen from the axis, rad and rad/s."""
+        at_tip = self._modes.shapes[TIP_DEFLECTION] / self.parameters.length_m
+        angle, speed = np.einsum("ij,j", self.state[:, ARM:], at_tip)
+        return float(angle), float(speed)
 
     def run(self, command_v: NDArray[np.float64], period_s: float) -> NDArray[np.float64]:
         """Sample and move on, one period per command; `simulate` checks and describes them."""

@@ -49,6 +49,8 @@ class SimulatedRig:
     ----------
     parameters : RigParameters
         Rig with the payload of the next sample.
+    plant : Plant
+        Motion of the arm.
     clock : callable or None
         As given; it may be set before the rig is opened.
 
@@ -90,7 +92,7 @@ class SimulatedRig:
         # This import loads a compiler, which takes half a second. The module alone needs none.
         from flexarm_daq.rigs.plant import Plant  # noqa: PLC0415
 
-        self._plant = Plant(self.parameters)
+        self.plant = Plant(self.parameters)
         self._noise_v = np.array(self.parameters.noise_v)
         self._hum_v = np.array(self.parameters.hum_v)
         self._adc_step_v: float = 2.0 * INPUT_RANGE_V / 2**self.parameters.adc_bits
@@ -104,9 +106,9 @@ class SimulatedRig:
 
     def open(self) -> None:
         """Start at rest in the middle of the travel, at time zero, with the noise's seed."""
-        self._plant.reset()
+        self.plant.reset()
         # Compiles the equations of motion before the first deadline.
-        self._plant.advance(0.0, 0.0)
+        self.plant.advance(0.0, 0.0)
         self._random = np.random.default_rng(self._seed)
         # A stream of its own: the noise of a seed is the same with and without hum.
         hum_random = np.random.default_rng((self._seed, HUM_STREAM))
@@ -121,17 +123,17 @@ class SimulatedRig:
         """Sample the four channels with noise and quantisation; see `Rig.read`."""
         self._require_open()
         self._advance_to(self._samples / self._rate_hz)
-        if self.parameters.payload_kg != self._plant.parameters.payload_kg:
-            self._plant.change_payload(self.parameters.payload_kg)
+        if self.parameters.payload_kg != self.plant.parameters.payload_kg:
+            self.plant.change_payload(self.parameters.payload_kg)
         self._samples += 1
         noise_v = self._noise_v * self._random.standard_normal(len(CHANNELS))
         return RigSample(
-            self._time_s, self._converted(self._plant.outputs_v() + noise_v + self._present_hum_v())
+            self._time_s, self._converted(self.plant.outputs_v() + noise_v + self._present_hum_v())
         )
 
     def outputs_v(self) -> NDArray[np.float64]:
         """Return the present sensor voltages without noise and quantisation, V."""
-        return self._plant.outputs_v()
+        return self.plant.outputs_v()
 
     def write(self, commands: Sequence[float]) -> None:
         """Command the drive through the converter, which clips at 10 V; see `Rig.write`."""
@@ -182,7 +184,7 @@ class SimulatedRig:
         now_s = virtual_s if self.clock is None else self.clock() - self._epoch_s
         if now_s > self._time_s:
             gap_s = now_s - self._time_s
-            self._plant.advance(
+            self.plant.advance(
                 self._command_v + self.parameters.disturbance_v,
                 gap_s if self.clock is None else min(gap_s, MAX_CATCH_UP_S),
             )

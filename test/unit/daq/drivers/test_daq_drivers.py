@@ -116,7 +116,7 @@ def test_driver___of_an_installed_package___is_found_by_its_entry_point(
             r"mine.py:Mine, line 9: settings level .*: ValueError: level",
         ),
         ("broken.py:Mine", "{}", r"broken.py, line 2: OSError: no such board"),
-        ("simulated", "{seed: 1}", r"the simulated rig has no settings here"),
+        ("simulated", "{seed: 1}", r"the thesis's arm, whose input is command_v: simulate another"),
         ("nidaq", "{devise: Dev2}", r"the driver nidaq has no setting devise \(nearest: device\)"),
         ("nidaq", "{device: ''}", r"names no board or channel"),
     ],

@@ -13,6 +13,7 @@ import numpy as np
 
 from flexarm_core.errors import SettingError, one_line
 from flexarm_core.nearest import nearest
+from flexarm_daq.drivers.late_readings import require_one_each
 from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
@@ -78,13 +79,7 @@ class MujocoSettings:
         for name in ("seed", "substeps", "payload_kg"):
             if getattr(self, name) < 0:
                 raise SettingError(f"settings.{name} = {getattr(self, name)} must not be negative")
-        for name in ("noise", "delay_s", "frame_hz"):
-            numbers = getattr(self, name)
-            if numbers and (len(numbers) != len(self.sensors) or min(numbers) < 0.0):
-                raise SettingError(
-                    f"settings.{name} needs a number from 0 on for each of the "
-                    f"{len(self.sensors)} sensors, got {', '.join(map(str, numbers))}"
-                )
+        require_one_each(self.sensors, self)
         if self.payload_kg and not self.payload_body:
             raise SettingError("settings.payload_kg needs settings.payload_body, which carries it")
 

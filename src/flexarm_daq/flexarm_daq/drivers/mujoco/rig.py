@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm_core.signals import RigSample, steps_to
+from flexarm_daq.drivers.late_readings import LateReadings
 from flexarm_daq.drivers.mujoco.arm import MujocoArm
 from flexarm_daq.rigs.rig_protocol import RigError
 
@@ -15,11 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from flexarm_core.arrays import FloatArray
     from flexarm_daq.drivers.mujoco.arm import MujocoSettings
-
-# Instants are sums of steps: what is due now is not left to the next sample.
-_ROUNDING = 1e-9
 
 
 class MujocoRig:
@@ -60,8 +56,6 @@ class MujocoRig:
         self.clock = clock
         each = len(settings.sensors)
         self._noise = np.array(settings.noise or [0.0] * each)
-        self._delay_s = np.array(settings.delay_s or [0.0] * each)
-        self._frame_hz = np.array(settings.frame_hz or [0.0] * each)
         self._arm: MujocoArm | None = None
 
     @property
@@ -80,7 +74,9 @@ class MujocoRig:
         """Start at the model's rest, at time zero, with the noise's seed; see `Rig.open`."""
         self._arm = MujocoArm(self.settings, self._folder)
         self._random = np.random.default_rng(self.settings.seed)
-        self._taken: deque[tuple[float, FloatArray]] = deque()
+        none = [0.0] * len(self._noise)
+        self._told = LateReadings(self.settings.delay_s or none, self.settings.frame_hz or none)
+        self._is_fresh = True
         self._moved_s = self.clock() if self.clock is not None else 0.0
 
     def read(self) -> RigSample:
@@ -88,11 +84,11 @@ class MujocoRig:
         arm = self.arm
         if self.clock is not None:
             self._follow(arm, self.clock())
-        elif self._taken:
+        elif not self._is_fresh:
             arm.advance(arm.substeps)
+        self._is_fresh = False
         noise = self._noise * self._random.standard_normal(len(self._noise))
-        self._taken.append((arm.time_s, arm.outputs() + noise))
-        return RigSample(arm.time_s, self._told(arm.time_s))
+        return RigSample(arm.time_s, self._told(arm.time_s, arm.outputs() + noise))
 
     def write(self, commands: Sequence[float]) -> None:
         """Command the actuators, which clip as the model says; see `Rig.write`."""
@@ -115,19 +111,6 @@ class MujocoRig:
         """Set the actuators to zero and close; `open` starts again from rest."""
         self.safe_stop()
         self._arm = None
-
-    def _told(self, now_s: float) -> FloatArray:
-        """Return what each output tells now: its newest reading that is old enough."""
-        due_s = now_s - self._delay_s
-        framed, frame_hz = self._frame_hz > 0.0, self._frame_hz
-        due_s[framed] = np.floor(due_s[framed] * frame_hz[framed] + _ROUNDING) / frame_hz[framed]
-        due_s += _ROUNDING
-        while len(self._taken) > 1 and self._taken[1][0] <= due_s.min():
-            self._taken.popleft()
-        told = self._taken[0][1].copy()
-        for taken_s, outputs in self._taken:
-            told = np.where(taken_s <= due_s, outputs, told)
-        return told
 
     def _follow(self, arm: MujocoArm, now_s: float) -> None:
         """Move on to an instant of the clock; the rest of a long gap is left out."""

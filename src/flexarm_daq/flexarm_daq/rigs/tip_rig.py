@@ -1,0 +1,148 @@
+"""Simulated rig with sensors at the tip: a camera that sees it, and an accelerometer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from flexarm_core.channels import CHANNEL_NAMES
+from flexarm_core.errors import SettingError
+from flexarm_core.nearest import nearest
+from flexarm_core.signals import RigSample
+from flexarm_daq.drivers.late_readings import LateReadings, require_one_each
+from flexarm_daq.rigs.rig_parameters import NO_HUM_V, RigParameters
+from flexarm_daq.rigs.simulated import SimulatedRig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+TIP_ANGLE, TIP_ACCELERATION = "tip_rad", "tip_m_per_s2"
+SENSORS: Final = (*CHANNEL_NAMES, TIP_ANGLE, TIP_ACCELERATION)
+"""Sensors of the arm: the thesis's in V, direction of the tip from the axis, its acceleration."""
+
+
+@dataclass(frozen=True)
+class TipSettings:
+    """Settings of the driver `simulated` for another rig than the thesis's.
+
+    Attributes
+    ----------
+    sensors : tuple of str
+        Sensor of each output, one of `SENSORS`.
+    noise : tuple of float
+        Standard deviation of the noise of each output, in the units of the sensor.
+    delay_s : tuple of float
+        Age of what each output tells, s: a camera's exposure and computation.
+    frame_hz : tuple of float
+        Frames a second of each output, which is held between them; 0 for each sample anew.
+    seed : int
+        Seed of the noise.
+    payload_kg : float
+        Point mass at the tip.
+    rate_hz : float
+        Sampling rate, Hz.
+
+    Raises
+    ------
+    SettingError
+        If there is no such sensor, or a list has not one number from 0 on for every output.
+    """
+
+    sensors: tuple[str, ...]
+    noise: tuple[float, ...] = ()
+    delay_s: tuple[float, ...] = ()
+    frame_hz: tuple[float, ...] = ()
+    seed: int = 0
+    payload_kg: float = 0.0
+    rate_hz: float = 300.0
+
+    def __post_init__(self) -> None:
+        for name in self.sensors:
+            if name not in SENSORS:
+                raise SettingError(
+                    f"settings.sensors has {name!r}{nearest(name, SENSORS)}: the simulated arm has "
+                    f"{', '.join(SENSORS)}"
+                )
+        require_one_each(self.sensors, self)
+        if self.seed < 0:
+            raise SettingError(f"settings.seed = {self.seed} must not be negative")
+
+
+class TipRig:
+    """A `flexarm_daq.rigs.rig_protocol.Rig`: the simulated arm with other sensors.
+
+    The accelerometer tells the mean since the last sample, which a filter at half the sampling rate
+    leaves of it.
+
+    Parameters
+    ----------
+    settings : TipSettings
+        Sensors, their noise and delay, and the payload.
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range.
+    """
+
+    def __init__(self, settings: TipSettings) -> None:
+        self._settings = settings
+        self._rig = SimulatedRig(
+            RigParameters(payload_kg=settings.payload_kg, noise_v=NO_HUM_V),
+            rate_hz=settings.rate_hz,
+        )
+        none = [0.0] * len(settings.sensors)
+        self._noise = np.array(settings.noise or none)
+        self._late = settings.delay_s or none, settings.frame_hz or none
+        self._places = [SENSORS.index(name) for name in settings.sensors]
+
+    @property
+    def clock(self) -> Callable[[], float] | None:
+        """Monotonic time in s of an arm in real time; None in virtual time."""
+        return self._rig.clock
+
+    @clock.setter
+    def clock(self, clock: Callable[[], float] | None) -> None:
+        self._rig.clock = clock
+
+    @property
+    def has_virtual_time(self) -> bool:
+        """Whether time stands still between the samples."""
+        return self._rig.has_virtual_time
+
+    def tip_rad(self) -> float:
+        """Return the present direction of the tip from the axis, rad."""
+        return self._rig.plant.tip()[0]
+
+    def open(self) -> None:
+        """Start at rest in the middle of the travel, at time zero; see `Rig.open`."""
+        self._rig.open()
+        self._random = np.random.default_rng(self._settings.seed)
+        self._told = LateReadings(*self._late)
+        self._before = 0.0, 0.0
+
+    def read(self) -> RigSample:
+        """Sample the sensors; see `Rig.read`."""
+        time_s, volts = self._rig.read()
+        angle_rad, speed_rad_per_s = self._rig.plant.tip()
+        before_s, before_rad_per_s = self._before
+        gained = (speed_rad_per_s - before_rad_per_s) * self._rig.parameters.length_m
+        acceleration = gained / (time_s - before_s) if time_s > before_s else 0.0
+        self._before = time_s, speed_rad_per_s
+        readings = np.array([*volts, angle_rad, acceleration])[self._places]
+        noise = self._noise * self._random.standard_normal(len(self._noise))
+        return RigSample(time_s, self._told(time_s, readings + noise))
+
+    def write(self, commands: Sequence[float]) -> None:
+        """Command the drive; see `Rig.write`."""
+        self._rig.write(commands)
+
+    def safe_stop(self) -> None:
+        """Set the drive to zero; never raises."""
+        self._rig.safe_stop()
+
+    def close(self) -> None:
+        """Set the drive to zero and close; `open` starts again from rest."""
+        self._rig.close()
