@@ -11,13 +11,14 @@ outputs the tracked ones come to rest on their set-points whatever the gains of 
 Journal 49 (2003)). The filter hears the command that was applied, so a limit winds nothing up.
 
 All weights follow from one frequency, the bandwidth. There the regulator crosses over, and the
-filter at a multiple of it; the model says how far each output moves. Nothing depends on units.
+filter at a multiple of it, one of `FILTERS`; the model says how far each output moves. Nothing
+depends on units.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import ComplexArray, FloatArray
 
-FILTER_RATIO = 3.0
-"""Frequency of the filter over that of the regulator: near to a full state feedback."""
 _BIAS_RATIO = 0.1
 _OTHERS = 0.1
 _OCTAVE = np.geomspace(0.5, 2.0, 9)
@@ -49,6 +48,29 @@ _HIDDEN = 1e-9
 _UNREACHED = 1e-6
 _FLOOR = 1e-24
 _SLOW = 0.01
+
+
+class Filter(NamedTuple):
+    """A filter of the servo.
+
+    Attributes
+    ----------
+    ratio : float
+        Its frequency over that of the regulator. The larger it is, the nearer is the loop to a full
+        state feedback, and the more of the noise of the outputs comes to the inputs.
+    rolls_off : bool
+        Whether it leaves modes beyond its frequency to the model. Else it follows them too, which
+        damps them where the model knows their frequencies well.
+    """
+
+    ratio: float
+    rolls_off: bool
+
+
+FILTERS = tuple(
+    Filter(ratio, rolls_off) for ratio in (3.0, 10.0, 1.0) for rolls_off in (False, True)
+)
+"""Filters that are tried. None is the best for every arm; among equal ones the first is taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +192,7 @@ def design_regulator(
     bandwidth_hz: float,
     *,
     limits: FloatArray | None = None,
-    rolls_off: bool = False,
+    through: Filter = FILTERS[0],
 ) -> Regulator:
     """Design a servo for a bandwidth.
 
@@ -184,9 +206,8 @@ def design_regulator(
         Frequency at which the regulator crosses over, Hz.
     limits : ndarray, (inputs,), optional
         Largest inputs, by which several inputs are weighed against each other.
-    rolls_off : bool
-        Whether the filter leaves modes beyond its frequency to the model. Else it follows them too,
-        which damps them where the model knows their frequencies well.
+    through : Filter
+        The filter.
 
     Raises
     ------
@@ -201,10 +222,11 @@ def design_regulator(
     scale = np.ones(plant.ninputs) if limits is None else np.asarray(limits, dtype=np.float64)
     scale = np.where(np.isfinite(scale), scale, 1.0)
     weight = _output_weight(plant, tracked, bandwidth_hz, scale)
-    filter_hz = min(FILTER_RATIO * bandwidth_hz, 0.25 / dt_s)
+    filter_hz = min(through.ratio * bandwidth_hz, 0.25 / dt_s)
     sizes = _sizes(plant, filter_hz, scale)
     A, B, C, noise, rejection = _with_disturbances(plant, tracked, bandwidth_hz, sizes, scale)
-    driven = (_below(plant, filter_hz) if rolls_off else np.eye(plant.nstates)) @ plant.B * scale
+    seen = _below(plant, filter_hz) if through.rolls_off else np.eye(plant.nstates)
+    driven = seen @ plant.B * scale
     noise[: plant.nstates, : plant.nstates] = driven @ driven.T
     try:
         cost = _even(plant.C.T @ weight @ plant.C)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
-from flexarm_control.servo.regulator import design_regulator, loop_radius
+from flexarm_control.servo.regulator import FILTERS, design_regulator, loop_radius
 from flexarm_core.errors import SettingError
 from flexarm_ident.models.state_space import state_space, with_matrices
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_control.servo.regulator import Regulator
+    from flexarm_control.servo.regulator import Filter, Regulator
     from flexarm_core.arrays import ComplexArray, FloatArray
 
 ROBUSTNESS = 0.5
@@ -221,8 +221,8 @@ def choose_bandwidth(
     """Return the design with the largest bandwidth whose worst disk margin meets a bound.
 
     It is searched from above, from a third of the slowest vibration or a twentieth of the rate on,
-    with a filter that follows all modes, then with one that rolls off. Where no bandwidth meets the
-    bound, it is that with nearly the largest margin, and says so.
+    with each of `FILTERS`. Where no bandwidth meets the bound, it is that with nearly the largest
+    margin, and says so.
 
     Parameters
     ----------
@@ -241,21 +241,27 @@ def choose_bandwidth(
         When no bandwidth stabilises all plants.
     """
     highest_hz, reason = _highest(plants, tracked)
-    failed: list[Choice] = []
-    for rolls_off in (False, True):
-        tries = _Tries(plants, tracked, limits, robustness, rolls_off=rolls_off)
-        best = tries.fastest(highest_hz)
-        if best is not None:
-            at_end = best.regulator.bandwidth_hz == highest_hz
-            return replace(best, limit=reason if at_end else tries.limit())
-        failed += tries.failed
-    if not failed:
+    made: list[Choice] = []
+    best, least_hz = None, highest_hz / _RANGE
+    for through in FILTERS:
+        tries = _Tries(plants, tracked, limits, robustness, through)
+        found = tries.fastest(highest_hz, least_hz)
+        made += tries.made
+        if found is None or (best is not None and found.regulator.bandwidth_hz <= least_hz):
+            continue
+        least_hz = found.regulator.bandwidth_hz
+        if least_hz == highest_hz:
+            return replace(found, limit=reason)
+        best = replace(found, limit=tries.limit())
+    if best is not None:
+        return best
+    if not made:
         raise tries.error or SettingError("no stabilising design")
-    return _most_robust(failed, plants, robustness)
+    return _most_robust(made, plants, robustness)
 
 
 class _Tries:
-    """Designs with one filter, those of them that do not suffice, and the last refusal."""
+    """Designs with one filter, and the last refusal of one."""
 
     def __init__(
         self,
@@ -263,26 +269,22 @@ class _Tries:
         tracked: Sequence[int],
         limits: FloatArray,
         robustness: float,
-        *,
-        rolls_off: bool,
+        through: Filter,
     ) -> None:
         self._all = _all(plants)
         self._tracked, self._limits, self._robustness = tracked, limits, robustness
-        self._rolls_off = rolls_off
-        self.failed: list[Choice] = []
+        self._through = through
+        self.made: list[Choice] = []
         self.error: SettingError | None = None
 
-    def fastest(self, highest_hz: float) -> Choice | None:
+    def fastest(self, highest_hz: float, least_hz: float) -> Choice | None:
         """Return the design with the largest bandwidth that suffices; None without one."""
-        high_hz = highest_hz
-        while (best := self._suffices(high_hz)) is None:
-            high_hz /= _STEP
-            if high_hz * _RANGE < highest_hz:
+        low_hz = high_hz = highest_hz
+        while (best := self._suffices(low_hz)) is None:
+            if low_hz <= least_hz:
                 return None
-        if high_hz == highest_hz:
-            return best
-        low_hz, high_hz = high_hz, high_hz * _STEP
-        for _ in range(_HALVINGS):
+            high_hz, low_hz = low_hz, max(low_hz / _STEP, least_hz)
+        for _ in range(_HALVINGS if low_hz < high_hz else 0):
             middle_hz = (low_hz * high_hz) ** 0.5
             found = self._suffices(middle_hz)
             if found is None:
@@ -293,34 +295,36 @@ class _Tries:
 
     def limit(self) -> str:
         """Return which margin the last design that failed misses."""
-        if not self.failed:
+        failed = [each.worst for each in self.made if each.worst[1].disk < self._robustness]
+        if not failed:
             return "no design above stabilises the model"
-        name, margin = self.failed[-1].worst
+        name, margin = failed[-1]
         place = f"{margin.place}, at {margin.frequency_hz:.3g} Hz" if margin.disk else "unstable"
         return f"above, the disk margin with {name} ({place}) falls below {self._robustness:g}"
 
-    def _suffices(self, bandwidth_hz: float) -> Choice | None:
+    def design(self, bandwidth_hz: float) -> Choice | None:
+        """Return the design for a bandwidth; None where there is none."""
         try:
-            choice = _designed(
-                self._all, self._tracked, bandwidth_hz, self._limits, rolls_off=self._rolls_off
-            )
+            made = _designed(self._all, self._tracked, bandwidth_hz, self._limits, self._through)
         except SettingError as error:
             self.error = error
             return None
-        if choice.worst[1].disk >= self._robustness:
-            return choice
-        self.failed.append(choice)
-        return None
+        self.made.append(made)
+        return made
+
+    def _suffices(self, bandwidth_hz: float) -> Choice | None:
+        made = self.design(bandwidth_hz)
+        return made if made is not None and made.worst[1].disk >= self._robustness else None
 
 
 def _most_robust(
-    failed: Sequence[Choice], plants: Mapping[str, control.StateSpace], robustness: float
+    made: Sequence[Choice], plants: Mapping[str, control.StateSpace], robustness: float
 ) -> Choice:
     """Return the fastest design that nearly has the largest margin, and say what it lacks."""
-    best = max(failed, key=lambda each: each.ranked)
+    best = max(made, key=lambda each: each.ranked)
     least = _NEARLY * best.worst[1].disk
     if least:
-        near = [each for each in failed if each.worst[1].disk >= least]
+        near = [each for each in made if each.worst[1].disk >= least]
         best = max(near, key=lambda each: each.regulator.bandwidth_hz)
     for name in plants:
         if not best.margins[name].disk:
@@ -364,11 +368,11 @@ def at_bandwidth(
     SettingError
         When it does not hold one of the plants.
     """
-    every = _all(plants)
-    choice = _designed(every, tracked, bandwidth_hz, limits, rolls_off=False)
-    if not choice.worst[1].disk:
-        other = _designed(every, tracked, bandwidth_hz, limits, rolls_off=True)
-        choice = max(choice, other, key=lambda each: each.ranked)
+    tries = [_Tries(plants, tracked, limits, 0.0, through) for through in FILTERS]
+    made = [found for each in tries if (found := each.design(bandwidth_hz)) is not None]
+    if not made:
+        raise tries[0].error or SettingError("no stabilising design")
+    choice = max(made, key=lambda each: each.ranked)
     for name in plants:
         if not choice.margins[name].disk:
             raise SettingError(
@@ -383,12 +387,11 @@ def _designed(
     tracked: Sequence[int],
     bandwidth_hz: float,
     limits: FloatArray,
-    *,
-    rolls_off: bool,
+    through: Filter,
 ) -> Choice:
     """Return the design for the first plant with its margins with all of them."""
     first = next(iter(plants.values()))
-    found = design_regulator(first, tracked, bandwidth_hz, limits=limits, rolls_off=rolls_off)
+    found = design_regulator(first, tracked, bandwidth_hz, limits=limits, through=through)
     return Choice(found, {name: loop_margin(found, plant) for name, plant in plants.items()})
 
 

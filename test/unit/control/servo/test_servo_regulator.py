@@ -8,8 +8,10 @@ import control
 import numpy as np
 import pytest
 
+from flexarm_control.servo import robustness
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
 from flexarm_control.servo.regulator import (
+    FILTERS,
     _below,
     design_regulator,
     loop_plant,
@@ -18,6 +20,7 @@ from flexarm_control.servo.regulator import (
 )
 from flexarm_control.servo.robustness import (
     BELOW_VIBRATION,
+    Choice,
     attainable_hz,
     choose_bandwidth,
     loop_frequencies_hz,
@@ -217,6 +220,26 @@ def test_choose_bandwidth___margin_that_none_has___gives_a_design_with_a_caution
     )
     enough = choose_bandwidth(plants, [0], robustness=0.5, limits=np.array([3.0]))
     assert not enough.caution
+
+
+def test_choose_bandwidth___each_filter_alone___gives_no_larger_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plants = {"arm": loop_plant(bending_arm(), 0.004)}
+
+    def chosen() -> Choice:
+        return choose_bandwidth(plants, [0], robustness=0.8, limits=np.array([3.0]))
+
+    best, alone = chosen(), []
+    for each in FILTERS:
+        monkeypatch.setattr(robustness, "FILTERS", (each,))
+        alone.append(chosen())
+
+    assert best.worst[1].disk >= 0.8
+    largest_hz = max(each.regulator.bandwidth_hz for each in alone if not each.caution)
+    # The search halves an interval of half an octave three times.
+    assert best.regulator.bandwidth_hz >= 0.95 * largest_hz
+    assert len({each.regulator.bandwidth_hz for each in alone}) > 1
 
 
 @pytest.mark.parametrize("side", ["input", "output"])
