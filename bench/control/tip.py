@@ -3,8 +3,9 @@
 The packaged arm `thesis-tip`, or `mujoco-tip`, is recorded with 200 g for 40 s under a soft loop,
 and each servo is what `flexarm design` makes of that record; one that does without strain and
 acceleration gets the columns of the other signals alone. Beside them stand a collocated PD with
-compensation of the dry friction, and the same behind a ZV shaper for the vibration that a held hub
-leaves, with the figures of MuJoCo's own model. All step the tip by 0.5 rad, with 0, 200 and 400 g.
+compensation of the dry friction, the same behind a ZV shaper for the vibration that a held hub
+leaves, with the figures of MuJoCo's own model, and on `thesis-tip` the law `planned`. All step the
+tip by 0.5 rad, with 0, 200 and 400 g.
 """
 
 from __future__ import annotations
@@ -21,8 +22,11 @@ from rich.progress import track
 from bench.control.servo import designed
 from bench.tools import json_option, make_table, write_json
 from flexarm_bringup.console import terminal
+from flexarm_control import build_law
 from flexarm_control.design.criteria import unit_step_figures
+from flexarm_control.servo.controller import Servo
 from flexarm_control.shaping.shapers import Vibration, shaper_parts
+from flexarm_core.channels import CHANNEL_NAMES, POSITION_V_PER_RAD
 from flexarm_core.errors import FlexarmError
 from flexarm_core.rig_description import load_rig
 from flexarm_daq.drivers.mujoco.rig import MujocoRig
@@ -32,7 +36,6 @@ from flexarm_daq.rigs.tip_rig import TipRig
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_control.servo.controller import Servo
     from flexarm_core.arrays import FloatArray
     from flexarm_core.rig_description import RigDescription
     from flexarm_daq.rigs.rig_protocol import Rig
@@ -77,12 +80,8 @@ class Arm:
         """Places of the outputs by name."""
         (joint,), (tracked,) = self.rig.joints, self.rig.tracked
         found = {"hub": joint.angle, "speed": str(joint.rate), "tip": tracked}
-        quantities = {"moment": "strain", "acceleration": "acceleration"}
-        found |= {
-            quantities[each.quantity]: each.name
-            for each in self.rig.outputs
-            if each.quantity in quantities
-        }
+        by_quantity = {each.quantity: each.name for each in reversed(self.rig.outputs)}
+        found |= {"strain": by_quantity["moment"], "acceleration": by_quantity["acceleration"]}
         return {name: self.rig.output_names.index(output) for name, output in found.items()}
 
     def opened(self, payload_kg: float, seed: int) -> Rig:
@@ -130,6 +129,23 @@ class Pd:
         return [float(np.clip(torque_nm / self._arm.torque_nm, -limit, limit))]
 
 
+class ThesisLaw:
+    """A control law of the thesis's arm, which sees its four sensors."""
+
+    outputs = CHANNEL_NAMES
+
+    def __init__(self, name: str) -> None:
+        self._law = build_law(name)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._law.reset()
+
+    def step(self, y: Sequence[float], r: Sequence[float]) -> list[float]:
+        """Return the command for a sample; the set-point is in rad."""
+        return [sum(self._law.step(y, POSITION_V_PER_RAD * r[0]))]
+
+
 @click.command()
 @click.option("--rig", "name", type=click.Choice(list(_RIGS)), default="thesis-tip", help="Arm.")
 @json_option
@@ -139,10 +155,12 @@ def main(*, name: str, json_file: Path | None) -> None:
     with tempfile.TemporaryDirectory() as folder:
         try:
             recorded = record(arm, Path(folder))
-            made: dict[str, Servo | Pd] = {
+            made: dict[str, Servo | Pd | ThesisLaw] = {
                 "PD of the hub": Pd(arm),
                 "PD of the hub behind ZV": Pd(arm, shaper_parts("zv", _HELD, _DT_S)),
             }
+            if set(CHANNEL_NAMES) <= set(arm.rig.output_names):
+                made["planned"] = ThesisLaw("planned")
             for each, (tracked, outputs) in _SERVOS.items():
                 words = ["--input", arm.rig.input_names[0]]
                 for output in outputs:
@@ -199,12 +217,12 @@ def record(arm: Arm, folder: Path) -> Path:
     return file
 
 
-def stepped(arm: Arm, name: str, controller: Servo | Pd, payload_kg: float) -> Step:
+def stepped(arm: Arm, name: str, controller: Servo | Pd | ThesisLaw, payload_kg: float) -> Step:
     """Step the arm with a controller, and judge the tip's own motion, without its camera."""
     rig = arm.opened(payload_kg, 2)
     columns = [arm.rig.output_names.index(output) for output in controller.outputs]
     goal = _STEP_RAD
-    if not isinstance(controller, Pd):
+    if isinstance(controller, Servo):
         (tracked,) = controller.tracked
         goal *= arm.rig.outputs[arm.rig.output_names.index(tracked)].per_si or 1.0
     controller.reset()
