@@ -31,7 +31,7 @@ from flexarm_core.errors import FlexarmError
 from flexarm_core.rig_description import load_rig
 from flexarm_daq.drivers.mujoco.rig import MujocoRig
 from flexarm_daq.drivers.registry import driven
-from flexarm_daq.rigs.tip_rig import TipRig
+from flexarm_daq.drivers.tip_rig import TipRig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,13 +19,13 @@ from flexarm_daq.drivers.mujoco.arm import MujocoSettings
 from flexarm_daq.drivers.mujoco.rig import MujocoRig
 from flexarm_daq.drivers.serial.rig import SerialRig, SerialSettings
 from flexarm_daq.drivers.settings import require_count, settings_of
+from flexarm_daq.drivers.tip_rig import TipRig, TipSettings
 from flexarm_daq.drivers.topics.inbox import TopicsSettings
 from flexarm_daq.drivers.topics.rig import TopicsRig
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_protocol import METHODS
 from flexarm_daq.rigs.simulated import SimulatedRig
-from flexarm_daq.rigs.tip_rig import TipRig, TipSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,10 +13,10 @@ from flexarm_core.rig_description import load_rig
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.drivers.at_rest import read_at_rest
 from flexarm_daq.drivers.registry import driven
+from flexarm_daq.drivers.tip_rig import SENSORS, TipRig, TipSettings
 from flexarm_daq.rigs.beam import _curvatures, arm_modes
 from flexarm_daq.rigs.equations import ARM, MODES
 from flexarm_daq.rigs.plant import Plant
-from flexarm_daq.rigs.tip_rig import SENSORS, TipRig, TipSettings
 
 HERE = Path(__file__).parent
 RATE_HZ = 300.0
