@@ -11,7 +11,7 @@ from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.signals import RigSample
-from flexarm_daq.drivers.late_readings import LateReadings, require_one_each
+from flexarm_daq.rigs.late_readings import LateReadings, require_one_each
 from flexarm_daq.rigs.rig_parameters import NO_HUM_V, RigParameters
 from flexarm_daq.rigs.simulated import SimulatedRig
 

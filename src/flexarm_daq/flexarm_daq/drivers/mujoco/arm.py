@@ -13,7 +13,7 @@ import numpy as np
 
 from flexarm_core.errors import SettingError, one_line
 from flexarm_core.nearest import nearest
-from flexarm_daq.drivers.late_readings import require_one_each
+from flexarm_daq.rigs.late_readings import require_one_each
 from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:

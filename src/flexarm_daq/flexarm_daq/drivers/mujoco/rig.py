@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.signals import RigSample, steps_to
-from flexarm_daq.drivers.late_readings import LateReadings
 from flexarm_daq.drivers.mujoco.arm import MujocoArm
+from flexarm_daq.rigs.late_readings import LateReadings
 from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
