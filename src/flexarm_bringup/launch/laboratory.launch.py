@@ -21,7 +21,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from flexarm_node.parameter_files import is_simulated
+from flexarm_node.parameter_files import LOOP, is_simulated
 from launch import LaunchDescription
 
 if TYPE_CHECKING:
@@ -40,7 +40,6 @@ _ON_REQUEST = {
     "foxglove": (("flexarm_live", "foxglove"),),
 }
 """Nodes by the argument that starts them when it is true; a page runs experiments in open loop."""
-_LOOP = ("daq", "controller")
 _SETTINGS = {
     "rate_hz": ("daq", float, "sampling rate, Hz"),
     "rig": ("daq", str, "simulated, nidaq, or the file of a rig description"),
@@ -143,13 +142,13 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
     laboratory = [
         made(package, node, node, parameters=[*files, *_each(given.get(node, {}))])
         for package, node in (*_NODES, *wanted)
-        if not (composed and node in _LOOP)
+        if not (composed and node in LOOP)
     ]
     if composed:
         # Two nodes: each parameter names its own, and the names of the nodes stay.
         words = [
             f"{node}.{name}:={_word(context, name, value)}"
-            for node in _LOOP
+            for node in LOOP
             for name, value in given[node].items()
         ]
         laboratory.append(made("flexarm_bringup", "loop", None, arguments=words, parameters=files))

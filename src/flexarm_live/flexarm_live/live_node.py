@@ -25,7 +25,6 @@ from flexarm_core.rig_description import load_rig
 from flexarm_core.tables import read_table
 from flexarm_live.graph.bridge import Bridge
 from flexarm_live.graph.calls import CallError
-from flexarm_live.graph.loop_nodes import LOOP_NODES
 from flexarm_live.page_files import page_files
 from flexarm_live.serving.access import LOOPBACK
 from flexarm_live.serving.encoding import frame_of
@@ -33,6 +32,7 @@ from flexarm_live.serving.server import Server
 from flexarm_live.serving.web import Web
 from flexarm_live.terminal_socket import listen, socket_file
 from flexarm_node import qos
+from flexarm_node.parameter_files import LOOP
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run, yield_to_others
 from flexarm_node.topics.waiting import RawTopicsWaiter
@@ -130,7 +130,7 @@ class LiveNode(Node):
                 level = status.level[0] if isinstance(status.level, bytes) else status.level
                 now_s = time.monotonic()
                 is_new = self._bridge.situation.hear(name, level, status.message, values, now_s)
-                if is_new and name in LOOP_NODES:
+                if is_new and name in LOOP:
                     self._server.call(lambda node=name: self._begin_to_look_again(node))  # type: ignore[misc]
 
     def _begin_to_look_again(self, name: str) -> None:
@@ -150,7 +150,7 @@ class LiveNode(Node):
 
     def _on_parameters(self, event: ParameterEvent) -> None:
         space, _, name = event.node.rpartition("/")
-        if space != self._namespace.rstrip("/") or name not in LOOP_NODES:
+        if space != self._namespace.rstrip("/") or name not in LOOP:
             return
         changed = self._bridge.loop.parameters[name].update(
             [*event.new_parameters, *event.changed_parameters]

@@ -20,9 +20,10 @@ from flexarm_node.command_line import are_for_ros
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
+LOOP = ("daq", "controller")
+"""The nodes that answer each other, sample by sample."""
 NODE_NAMES = (
-    "daq",
-    "controller",
+    *LOOP,
     "experiment",
     "recorder",
     "ident",

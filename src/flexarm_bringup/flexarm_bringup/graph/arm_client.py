@@ -6,7 +6,7 @@ A start of rclpy and a discovery take seconds, a connection to the socket takes 
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.socket_client import NoAnswerError, SilentUpError, socket_client
@@ -15,43 +15,14 @@ from flexarm_core.own_files import OwnFileError
 from flexarm_live.terminal_socket import namespaces
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator
 
-    from flexarm_bringup.graph.figures import SetPoint
+    from flexarm_bringup.graph.graph_client import GraphClient
+    from flexarm_bringup.graph.socket_client import SocketClient
+
+    ArmClient = SocketClient | GraphClient
 
 Result = TypeVar("Result")
-
-
-class ArmClient(Protocol):
-    """Client of one arm; a `LaunchError` says what was refused."""
-
-    def stop(self) -> str:
-        """Hold the drive at zero until the DAQ node is deactivated; return what it says."""
-
-    def reports(self) -> Mapping[str, tuple[str, Mapping[str, str]]]:
-        """Return the message and the figures of each node that reports."""
-
-    def page(self) -> str:
-        """Return the address of the arm's page; empty when there is none."""
-
-    def reference(self, value: float, joint: str = "") -> SetPoint:
-        """Give the controller a set-point, V of the thesis's arm; return the one in force."""
-
-    def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
-        """Return the parameters of a node, or of every one, with values, bounds and units.
-
-        Each is a mapping of `name`, `value`, `unit`, `low`, `high`, `choices`, `read_only`, `live`
-        and `description`.
-        """
-
-    def set(self, node: str, values: Mapping[str, Any]) -> Mapping[str, tuple[Any, Any]]:
-        """Set parameters of a node, all or none; return the former and the new values."""
-
-    def activate(self, node: str) -> str:
-        """Activate a managed node and return its state."""
-
-    def deactivate(self, node: str) -> str:
-        """Deactivate a managed node and return its state."""
 
 
 def through(namespace: str, do: Callable[[ArmClient], Result]) -> Result:

@@ -43,7 +43,7 @@ def graph_client(namespace: str) -> Iterator[GraphClient]:
 
 
 class GraphClient:
-    """Client of the arm of an operator; see `graph.arm_client.ArmClient`."""
+    """Client of the arm of an operator; the methods are those of `SocketClient`."""
 
     def __init__(self, operator: Operator) -> None:
         self._operator = operator

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import (
-    LOOP,
     MANAGED,
     NAMESPACE,
     LaunchError,
@@ -19,6 +18,7 @@ from flexarm_bringup.graph.processes import (
 from flexarm_bringup.graph.session import OPERATOR, interruptible, ros_domain, session
 from flexarm_core.own_files import claimed, private_folder
 from flexarm_node.parameter_files import (
+    LOOP,
     NODE_NAMES,
     is_simulated,
     unknown_nodes,

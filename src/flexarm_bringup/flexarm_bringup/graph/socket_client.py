@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_bringup.graph.assignments import assigned
 from flexarm_bringup.graph.figures import SetPoint
-from flexarm_bringup.graph.processes import LOOP, LaunchError
+from flexarm_bringup.graph.processes import LaunchError
 from flexarm_core.errors import one_line
 from flexarm_core.own_files import OwnFileError
 from flexarm_core.patience import slowness
 from flexarm_live.terminal_socket import connect
+from flexarm_node.parameter_files import LOOP
 
 if TYPE_CHECKING:
     import socket
@@ -61,7 +62,7 @@ def socket_client(namespace: str) -> Iterator[SocketClient]:
 
 
 class SocketClient:
-    """Client of the arm at the other end of a connection; see `graph.arm_client.ArmClient`."""
+    """Client of the arm at the other end of a connection; a `LaunchError` says what was refused."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
@@ -112,17 +113,21 @@ class SocketClient:
         return {name: (each["message"], each["values"]) for name, each in reports.items()}
 
     def page(self) -> str:
-        """Return the address of the arm's page."""
+        """Return the address of the arm's page; over the graph there is none."""
         return str(self.ask("address").data["url"])
 
     def reference(self, value: float, joint: str = "") -> SetPoint:
-        """Give the controller a set-point; return the one in force."""
+        """Give the controller a set-point, V of the thesis's arm; return the one in force."""
         named: dict[str, Any] = {"value_v": value} | ({"joint": joint} if joint else {})
         data = self.ask("reference", **named).data
         return SetPoint(float(data["value_v"]), str(data.get("note", "")))
 
     def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
-        """Return the parameters of a node, or of every one, with values, bounds and units."""
+        """Return the parameters of a node, or of every one, with values, bounds and units.
+
+        Each is a mapping of `name`, `value`, `unit`, `low`, `high`, `choices`, `read_only`, `live`
+        and `description`.
+        """
         if not node:
             return self.ask("get").data["nodes"]  # type: ignore[no-any-return]
         _require(node, _NODES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -187,18 +188,8 @@ def _rig(rig: RigDescription, tracked: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _tracked(rig: RigDescription) -> Iterator[dict[str, Any]]:
     """Yield the set-points: their columns, what each is of, and how far it may go."""
-    joints = {joint.angle: joint for joint in rig.joints}
-    for column, output in zip(_references(rig), rig.tracked, strict=True):
-        ends = joints.get(output) or rig.output(output)
-        yield {
-            "name": column,
-            "output": output,
-            # A joint is called by its name, another output by its own.
-            "joint": joints[output].name if output in joints else output,
-            "unit": rig.output(output).unit,
-            "low": ends.low,
-            "high": ends.high,
-        }
+    for column, track in zip(_references(rig), rig.tracks, strict=True):
+        yield {**asdict(track), "name": column, "joint": track.name}
 
 
 def _described(fault: Fault) -> dict[str, str]:

@@ -19,16 +19,16 @@ from flexarm_core.patience import slowness
 from flexarm_live.graph.about import about_arm
 from flexarm_live.graph.calls import Calls, SilentNodeError
 from flexarm_live.graph.chain import Chain, record_line
-from flexarm_live.graph.dropped import signals_of
 from flexarm_live.graph.jobs import Jobs
-from flexarm_live.graph.loop_nodes import LOOP_NODES, LoopNodes
+from flexarm_live.graph.loop_nodes import LoopNodes
 from flexarm_live.graph.node_parameters import NodeParameters
 from flexarm_live.graph.samples import SampleReader
 from flexarm_live.graph.situation import EXPERIMENT, Situation
-from flexarm_live.graph.store import Store
+from flexarm_live.graph.store import Store, signals_of
 from flexarm_live.serving.laboratory import Answer
 from flexarm_live.serving.requests import Needs
 from flexarm_msgs.srv import SetReference
+from flexarm_node.parameter_files import LOOP
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine, Mapping
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from flexarm_live.serving.laboratory import Outlet
     from flexarm_live.serving.requests import Request
 
-_NODES = (*LOOP_NODES, "recorder", "ident")
+_NODES = (*LOOP, "recorder", "ident")
 _STOP_S = 5.0
 _STOP_AGAIN_S = 0.2
 """A stop does no harm twice, and its answer may be lost while the nodes discover each other."""
@@ -48,7 +48,7 @@ _REFERENCE_S = _SILENT_NODE_S = 3.0
 _NODES_OF: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("reference", "law", "waveform", "apply"), ("controller",)),
     **dict.fromkeys(("payload", "fault", "stop", "release"), ("daq",)),
-    **dict.fromkeys(("activate", "deactivate"), LOOP_NODES),
+    **dict.fromkeys(("activate", "deactivate"), LOOP),
     "record": ("recorder",),
     "get": _NODES,
 }
@@ -95,7 +95,7 @@ class Bridge:
         self.situation = Situation()
         self.loop = LoopNodes(node, self._calls, self.situation, self.samples.codec)
         self._others = {
-            name: NodeParameters(self._calls, name) for name in _NODES if name not in LOOP_NODES
+            name: NodeParameters(self._calls, name) for name in _NODES if name not in LOOP
         }
         self._store = Store(folder)
         self._jobs = Jobs(self._tell)
@@ -129,7 +129,7 @@ class Bridge:
 
     def state(self) -> dict[str, Any]:
         """Return the state of now."""
-        daq, controller = (self.loop.parameters[name].values for name in LOOP_NODES)
+        daq, controller = (self.loop.parameters[name].values for name in LOOP)
         has_experiment = self._jobs.has(EXPERIMENT)
         found = self.situation.state(time.monotonic())
         if has_experiment and found["badge"] == "DRIVING":
@@ -221,20 +221,21 @@ class Bridge:
         # A run of a simulated arm begins at rest in the middle.
         if self.loop.simulated or self._rig.driver in _BEGIN_AT_REST:
             measured = dict.fromkeys(measured, 0.0)
-        joints = {each.angle: each for each in self._rig.joints}
-        ends = {name: joints.get(name) or self._rig.output(name) for name in self._rig.tracked}
-        return {name: min(max(measured[name], at.low), at.high) for name, at in ends.items()}
+        return {
+            each.output: min(max(measured[each.output], each.low), each.high)
+            for each in self._rig.tracks
+        }
 
     async def _on_activate(self, node: str = "") -> Answer:
         # The controller first: the DAQ node waits for it.
-        for name in [node] if node else reversed(LOOP_NODES):
+        for name in [node] if node else reversed(LOOP):
             await self.loop.activate(name)
-        return Answer(f"{node or ' and '.join(LOOP_NODES)} active")
+        return Answer(f"{node or ' and '.join(LOOP)} active")
 
     async def _on_deactivate(self, node: str = "") -> Answer:
-        for name in [node] if node else LOOP_NODES:
+        for name in [node] if node else LOOP:
             await self.loop.deactivate(name)
-        return Answer(f"{node or ' and '.join(LOOP_NODES)} not active: the drive is at zero")
+        return Answer(f"{node or ' and '.join(LOOP)} not active: the drive is at zero")
 
     async def _on_reference(self, value_v: float, joint: str = "") -> Answer:
         request = SetReference.Request(reference_v=float(value_v), joint=joint)
@@ -249,8 +250,8 @@ class Bridge:
 
     def _unit(self, joint: str) -> str:
         """Return the unit of a joint or output by its name; of the first set-point for none."""
-        angles = {each.name: each.angle for each in self._rig.joints}
-        return self._rig.output(angles.get(joint, joint or self._rig.tracked[0])).unit
+        tracks = self._rig.tracks
+        return next(each.unit for each in tracks if joint in ("", each.name, each.output))
 
     async def _beyond_bound(self, reference_v: float) -> str:
         """Return that the drive is cut before the arm gets there; empty where it is not."""

@@ -12,6 +12,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from flexarm_live.graph.calls import CallError
 from flexarm_live.graph.node_parameters import NodeParameters
 from flexarm_live.graph.situation import EXPERIMENT
+from flexarm_node.parameter_files import LOOP
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from flexarm_live.graph.situation import Situation
     from flexarm_node.codecs import Codec
 
-LOOP_NODES = ("daq", "controller")
 _SIMULATED = ("simulated", "thesis")
 _TRANSITION_S = 60.0
 """Activating waits for readers, and for a commander."""
@@ -45,7 +45,7 @@ class LoopNodes:
     Attributes
     ----------
     parameters : dict of str to NodeParameters
-        Parameters of `LOOP_NODES`.
+        Parameters of `LOOP`.
     experiment : NodeParameters
         Parameters of the node that takes the controller's place.
     """
@@ -54,7 +54,7 @@ class LoopNodes:
         self._node = node
         self._calls = calls
         self._situation = situation
-        self.parameters = {name: NodeParameters(calls, name) for name in LOOP_NODES}
+        self.parameters = {name: NodeParameters(calls, name) for name in LOOP}
         self.experiment = NodeParameters(calls, EXPERIMENT)
         self._due: dict[str, Any] = {}
         # The first message of each node goes to this topic.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from flexarm_node.parameter_files import LOOP
 from flexarm_node.statistics import HISTOGRAM_EDGES_S
 
 if TYPE_CHECKING:
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 EXPERIMENT = "experiment"
 """Node that takes the controller's place in open loop; not in every graph."""
-_LABORATORY = {"daq", "controller", "recorder", "ident", EXPERIMENT}
+_LABORATORY = {*LOOP, "recorder", "ident", EXPERIMENT}
 _REPORT_S = 4.0
 """Reports come once a second; older ones tell nothing."""
 _USUAL_REPORT_S = 2.5
@@ -172,7 +173,7 @@ class Situation:
                 f"{duration}_ms": {name: daq.figure(f"{duration} {name} ms") for name in _FIGURES}
                 for duration in _DURATIONS
             },
-            "nodes": {name: self.word(name, now_s) for name in ("daq", "controller")},
+            "nodes": {name: self.word(name, now_s) for name in LOOP},
             **daq.histogram(),
         }
 

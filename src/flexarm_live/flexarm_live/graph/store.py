@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from flexarm_bags.metadata import FILE_NAME
-from flexarm_core.errors import FlexarmError
+from flexarm_core.errors import BagError, FlexarmError
+from flexarm_core.labels import UNIT_ENDINGS, label_and_unit, unit_ending
 from flexarm_core.nearest import nearest
-from flexarm_ident.importing.csv_layout import is_table
+from flexarm_ident.importing.csv_columns import file_unit, guessed_columns
+from flexarm_ident.importing.csv_layout import CsvImportError, is_table
+from flexarm_ident.importing.csv_table import table_layout
 from flexarm_ident.job import MODEL_FILE, REPORT_FILE
+from flexarm_ident.reading.read import fields_of, sample_count
 
 _MODELS = "models"
 _DROPPED = "dropped"
@@ -109,3 +114,52 @@ def _known(kind: str, name: str, names: list[str]) -> str:
     if name not in names:
         raise FlexarmError(f"no {kind} {name!r}{nearest(name, names)}")
     return name
+
+
+def signals_of(record: Path) -> dict[str, Any]:
+    """Return the signals of a CSV file or a bag, as a page is told them.
+
+    Returns
+    -------
+    dict
+        ``signals``, each with its ``name``, its ``unit`` as far as it is told, and its ``role`` by
+        its name: ``input``, ``output``, ``time`` or empty. It is an empty list for a bag of
+        flexarm's own samples, which says all by itself. ``endings``: how a name ends that says a
+        unit. ``has_clock``: the record has the instants of its samples.
+
+    Raises
+    ------
+    FlexarmError
+        When the file cannot be read.
+    """
+    endings = {unit: f"_{ending}" for ending, unit in UNIT_ENDINGS.items()}
+    if is_table(record):
+        return {"signals": _of_table(record), "endings": endings, "has_clock": False}
+    try:
+        sample_count(record)
+        names = []
+    except BagError:
+        names = fields_of(record)
+    signals = [{"name": name, "unit": "", "role": ""} for name in names]
+    return {"signals": signals, "endings": endings, "has_clock": True}
+
+
+def _of_table(file: Path) -> list[dict[str, str]]:
+    layout = table_layout(file)
+    try:
+        inputs, outputs = guessed_columns(file, (), ())
+    except CsvImportError:
+        inputs, outputs = (), ()
+    roles = dict.fromkeys(layout.names, "time" if inputs else "")
+    roles |= dict.fromkeys(outputs, "output") | dict.fromkeys(inputs, "input")
+    return [
+        {"name": name, "unit": _unit(name, file_unit(name, layout)), "role": role}
+        for name, role in roles.items()
+        if name
+    ]
+
+
+def _unit(name: str, told: str) -> str:
+    """Return a unit of `UNIT_ENDINGS` that the name or the file tells; empty without one."""
+    ending = unit_ending(label_and_unit(name)[1] or told)
+    return UNIT_ENDINGS.get(ending.removeprefix("_"), "")

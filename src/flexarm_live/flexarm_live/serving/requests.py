@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
+from flexarm_node.parameter_files import LOOP
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -140,7 +141,7 @@ class Verb:
     fields: Mapping[str, Field] = field(default_factory=dict)
 
 
-_LOOP_NODE = Field("text", required=False, choices=("daq", "controller"))
+_LOOP_NODE = Field("text", required=False, choices=LOOP)
 _OPTIONAL_COUNT = Field("integer", required=False, least=0, most=400)
 _IDENTIFICATION = {
     "bag": Field("text"),

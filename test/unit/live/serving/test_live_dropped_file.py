@@ -11,8 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from flexarm_core.errors import FlexarmError
-from flexarm_live.graph.dropped import signals_of
-from flexarm_live.graph.store import Store
+from flexarm_live.graph.store import Store, signals_of
 from flexarm_live.serving import desk
 from flexarm_live.serving.desk import receive_file
 from support.live_server import PATIENCE_S, TOKEN, LiveServer, MemoryLaboratory, live_server, until

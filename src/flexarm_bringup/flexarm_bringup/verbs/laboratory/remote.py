@@ -14,12 +14,13 @@ from flexarm_bringup.console.quantity import Quantity, units_of_channel
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.arm_client import stop_every_arm, through
 from flexarm_bringup.graph.assignments import parsed
-from flexarm_bringup.graph.processes import LOOP, MANAGED, NAMESPACE, LaunchError
+from flexarm_bringup.graph.processes import MANAGED, NAMESPACE, LaunchError
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.bounds import shown
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.rig_description import load_rig
+from flexarm_node.parameter_files import LOOP
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
