@@ -20,6 +20,8 @@ from flexarm_core.outputs import MARK_KEY, OutputError, require_place
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from flexarm_bringup.graph.processes import NodeProcesses
+
     Command = Callable[..., None]
     Case = TypeVar("Case")
     Result = TypeVar("Result")
@@ -126,3 +128,16 @@ def write_json(file: Path | None, figures: dict[str, Any] | Sequence[Any]) -> No
         marked = [MARK_KEY | row, *others]
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(marked, indent=1, default=asdict), "utf-8")
+
+
+def cpu_s(processes: NodeProcesses) -> dict[str, float]:
+    """Return the CPU time that each process has used, s, by the name of its executable."""
+    return {name: process_cpu_s(pid) for name, pid in processes.pids().items()}
+
+
+def process_cpu_s(pid: int) -> float:
+    """Return the CPU time that a process has used, s."""
+    # The second field, the name, may contain blanks.
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    user, system = fields[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from bench.live.figures import Phase, Row, loop_rows
 from bench.live.pages import is_served, resident_mb, silent_client, tabs
 from bench.loop.loop import beside, floor_of, sleep_floor
-from flexarm_bringup.graph.processes import process_cpu_s
+from bench.tools import process_cpu_s
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager

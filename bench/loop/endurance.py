@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from flexarm_bringup.graph.figures import Run
+    from flexarm_bringup.graph.processes import NodeProcesses
 
 _LOOKS = 200
 _DAY_S = 86400.0
@@ -149,7 +150,7 @@ def growth(rate_hz: float, hours: float, *, page: bool) -> dict[str, float]:
             nonlocal next_look
             if sample >= next_look:
                 next_look = sample + samples / _LOOKS
-                looks.append((time.monotonic() / _DAY_S, processes.memory_kb()))
+                looks.append((time.monotonic() / _DAY_S, _memory_kb(processes)))
 
         operator.sample(samples, look)
     later = looks[len(looks) // 2 :]
@@ -158,6 +159,15 @@ def growth(rate_hz: float, hours: float, *, page: bool) -> dict[str, float]:
         name: float(np.polyfit(days, [kb[name] / 1024.0 for _, kb in later], 1)[0])
         for name in later[0][1]
     }
+
+
+def _memory_kb(processes: NodeProcesses) -> dict[str, int]:
+    """Return the memory that each process has taken for itself, kB."""
+    found = {}
+    for name, pid in processes.pids().items():
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+        found[name] = next(int(line.split()[1]) for line in lines if line.startswith("Anonymous:"))
+    return found
 
 
 @contextmanager

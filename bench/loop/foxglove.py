@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from websockets.exceptions import ConnectionClosed
 
-from bench.tools import json_option, write_json
+from bench.tools import cpu_s, json_option, write_json
 from flexarm_bags.sequence import sequence_of
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
@@ -121,10 +121,10 @@ def _watched(
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
     operator.activate("controller")
-    before_s = processes.cpu_s()["foxglove_node"]
+    before_s = cpu_s(processes)["foxglove_node"]
     with terminal.progress_bar("sampling", samples) as progress:
         run = operator.sample(samples, progress)
-    cpu_s = processes.cpu_s()["foxglove_node"] - before_s
+    used_s = cpu_s(processes)["foxglove_node"] - before_s
     reader.join(_PATIENCE_S)
     return Figures(
         rate_hz=rate_hz,
@@ -134,7 +134,7 @@ def _watched(
         in_order=numbers == sorted(set(numbers)),
         skipped=run.missed,
         real_time_factor=run.real_time_factor,
-        cpu=cpu_s / seconds * run.real_time_factor,
+        cpu=used_s / seconds * run.real_time_factor,
     )
 
 

@@ -27,7 +27,7 @@ from rich.progress import track
 from rich.table import Table
 
 from bench.loop import peers
-from bench.tools import json_option, write_json
+from bench.tools import cpu_s, json_option, write_json
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
@@ -175,11 +175,11 @@ def measure(rate_hz: float, length_s: float, *, load: bool, compose: bool = Fals
         floor = stack.enter_context(beside(sleep_floor, rate_hz, length_s))
         begun = {name: int(heard[name]) for name in _COUNTS}
         first_s = float(heard["time_s"])
-        cpu_s = processes.cpu_s()
+        begun_s = cpu_s(processes)
         for _ in track(range(round(length_s)), f"{rate_hz:g} Hz"):
             until_s = time.monotonic() + 1.0
             operator.wait(lambda until=until_s: time.monotonic() >= until, "time")  # type: ignore[misc]
-        used_s = {name: value - cpu_s[name] for name, value in processes.cpu_s().items()}
+        used_s = {name: value - begun_s[name] for name, value in cpu_s(processes).items()}
         operator.wait(lambda: float(heard["time_s"]) >= first_s + length_s, "the last report")
         elapsed_s = float(heard["time_s"]) - first_s
         bare = floor_of(floor)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console.interruption import held_back
 from flexarm_core.errors import FlexarmError
+from flexarm_node.parameter_files import LOOP
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 NAMESPACE = "/flexarm"
 """Namespace of an arm that is given none."""
-LOOP = ("daq", "controller")
-"""The nodes that answer each other, sample by sample."""
 MANAGED = (*LOOP, "experiment")
 """The nodes with a lifecycle."""
 _ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -242,13 +241,9 @@ class NodeProcesses:
         """Return how each has ended, None while it runs, by the name of its executable."""
         return {_name(each): each.poll() for each in self._processes}
 
-    def cpu_s(self) -> dict[str, float]:
-        """Return the CPU time that each has used, by the name of its executable."""
-        return {_name(each): process_cpu_s(each.pid) for each in self._processes}
-
-    def memory_kb(self) -> dict[str, int]:
-        """Return the memory that each has taken for itself, kB, by the name of its executable."""
-        return {_name(each): _own_kb(each.pid) for each in self._processes}
+    def pids(self) -> dict[str, int]:
+        """Return the number of each, by the name of its executable."""
+        return {_name(each): each.pid for each in self._processes}
 
     def _printed(self) -> list[str]:
         """Return what these processes have printed: the log may have older lines before."""
@@ -293,19 +288,6 @@ def _signal_name(number: int) -> str:
         return signal.Signals(number).name
     except ValueError:
         return f"signal {number}"
-
-
-def process_cpu_s(pid: int) -> float:
-    """Return the CPU time that a process has used, s."""
-    # The second field, the name, may contain blanks.
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    user, system = fields[11:13]
-    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
-
-
-def _own_kb(pid: int) -> int:
-    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("Anonymous:"))
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
