@@ -1,4 +1,4 @@
-"""Quantity as the type of an argument: a number, with its unit or without."""
+"""Types of arguments: a finite number, and a quantity, which is one with its unit or without."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import re
 from typing import TYPE_CHECKING, Any
 
-from flexarm_bringup.console.finite_range import FiniteRange
+import click
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,6 +17,17 @@ if TYPE_CHECKING:
 
 _DIGITS = 9
 _NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?([a-zA-Z°]+)")
+
+
+class FiniteRange(click.FloatRange):
+    """Range as click has it, without NaN, which passes every comparison, and without infinity."""
+
+    def convert(self, value: Any, param: Parameter | None, ctx: Context | None) -> float:  # noqa: ANN401 - as click has it
+        """Return the number; a text that is none, or beyond the range, is a usage error."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
 
 
 class Quantity(FiniteRange):

@@ -8,7 +8,7 @@ import signal
 import sys
 import warnings
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, reduce
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from click.shell_completion import CompletionItem
+
+    Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 _VERBS = "flexarm_bringup.verbs"
 _FOLDER = Path(__file__).parents[1] / "verbs"
@@ -149,7 +151,12 @@ class LazyVerbGroup(VerbGroup):
         return command
 
 
-def examples(*lines: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def together(*options: Decorator) -> Decorator:
+    """Return options as one decorator, in the order in which the help lists them."""
+    return lambda function: reduce(lambda made, add: add(made), reversed(options), function)
+
+
+def examples(*lines: str) -> Decorator:
     """Add command lines to the help of a verb, each without the name of the program."""
 
     def add(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -18,8 +18,7 @@ from flexarm_core.nearest import nearest
 from flexarm_core.patience import slowness
 from flexarm_live.graph.about import about_arm
 from flexarm_live.graph.calls import Calls, SilentNodeError
-from flexarm_live.graph.chain import Chain, record_line
-from flexarm_live.graph.jobs import Jobs
+from flexarm_live.graph.chain import Chain, Jobs, record_line
 from flexarm_live.graph.loop_nodes import LoopNodes
 from flexarm_live.graph.node_parameters import NodeParameters
 from flexarm_live.graph.samples import SampleReader

@@ -1,16 +1,11 @@
-"""Chain from an experiment to gains, as the work of jobs: record, identify, tune."""
+"""Jobs of a page, told and cancelled, and the chain of their work: record, identify, tune."""
 
 from __future__ import annotations
 
 import asyncio
-import json
-import os
 import shlex
-import signal
-import subprocess
-import sys
 import time
-from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -18,22 +13,25 @@ from typing import TYPE_CHECKING, Any
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.loop_setup import TOPIC
 from flexarm_core.channels import is_thesis_arm
-from flexarm_core.errors import FlexarmError
+from flexarm_core.errors import FlexarmError, one_line
 from flexarm_core.nearest import nearest
 from flexarm_core.patience import Patience
 from flexarm_daq.experiments.catalogue import experiment, on_rig
 from flexarm_live.graph.situation import EXPERIMENT
+from flexarm_live.work.process import Computation
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
     from flexarm_core.rig_description import RigDescription
     from flexarm_daq.experiments.catalogue import Experiment
-    from flexarm_live.graph.jobs import Work
     from flexarm_live.graph.loop_nodes import LoopNodes
     from flexarm_live.graph.store import Store
     from flexarm_live.serving.laboratory import Answer
     from flexarm_live.work.process import Report
+
+    Tell = Callable[[Mapping[str, Any]], None]
+    Work = Callable[[Report], Awaitable[Mapping[str, Any]]]
 
 _COMMAND = "./flexarm"
 _POLL_S = 0.2
@@ -41,9 +39,99 @@ _ASK_S = 1.0
 _STALLED_S = 30.0
 _SEED = 1
 _NOMINAL = "nominal:"
-_LARGEST_ANSWER = 16_000_000
-_INTERRUPTS = 4
-_AGAIN_S = 0.2
+
+
+class Jobs:
+    """Jobs of a laboratory.
+
+    Parameters
+    ----------
+    tell : callable
+        Gets each message to the pages.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._numbers = count(1)
+        self._at_work: dict[int, tuple[str, asyncio.Task[None]]] = {}
+        self._cancelled: set[int] = set()
+
+    @property
+    def at_work(self) -> list[int]:
+        """Numbers of the jobs that have not ended."""
+        return list(self._at_work)
+
+    def require_none(self, kind: str) -> None:
+        """Raise a `FlexarmError` while a job of a kind is at work."""
+        number = self._number_of(kind)
+        if number is not None:
+            raise FlexarmError(f"job {number}, {kind}, is at work: cancel it or wait")
+
+    def has(self, kind: str) -> bool:
+        """Return whether a job of a kind is at work."""
+        return self._number_of(kind) is not None
+
+    def start(self, kind: str, work: Work, *, left: str = "nothing was written") -> int:
+        """Start work and return its number; a `FlexarmError` while one of its kind is at work.
+
+        What is `left` of it is told when it is cancelled.
+        """
+        self.require_none(kind)
+        number = next(self._numbers)
+        task = asyncio.create_task(self._run(number, kind, work, left))
+        self._at_work[number] = (kind, task)
+        task.add_done_callback(lambda _: self._forget(number))
+        return number
+
+    def cancel(self, number: int) -> str:
+        """Cancel a job and return its kind; a `FlexarmError` when there is none of the number.
+
+        A second time changes nothing: it would break off what the job does to end well.
+        """
+        if number not in self._at_work:
+            raise FlexarmError(f"no job {number} is at work")
+        kind, task = self._at_work[number]
+        if number not in self._cancelled:
+            self._cancelled.add(number)
+            task.cancel()
+        return kind
+
+    def _number_of(self, kind: str) -> int | None:
+        """Return the number of the job of a kind that is at work; None without one."""
+        return next((number for number, (own, _) in self._at_work.items() if own == kind), None)
+
+    def _forget(self, number: int) -> None:
+        del self._at_work[number]
+        self._cancelled.discard(number)
+
+    async def _run(self, number: int, kind: str, work: Work, left: str) -> None:
+        def say(stage: str, fraction: float | None, **more: Any) -> None:  # noqa: ANN401 - of JSON
+            news: dict[str, Any] = {
+                "fraction": fraction,
+                "done": False,
+                "ok": False,
+                "message": "",
+                "data": {},
+            }
+            self._tell({"type": "job", "job": kind, "id": number, "stage": stage, **news, **more})
+
+        def report(
+            stage: str, fraction: float | None, found: Mapping[str, Any] | None = None, /
+        ) -> None:
+            say(stage, fraction, data=found or {})
+
+        say("starting", 0.0)
+        try:
+            data = await work(report)
+        except asyncio.CancelledError:
+            say("cancelled", None, done=True, message=f"cancelled: {left}")
+        except FlexarmError as error:
+            say("failed", None, done=True, message=one_line(error))
+        except Exception as error:
+            say("failed", None, done=True, message=f"internal error: {one_line(error)}")
+            raise
+        else:
+            say("done", 1.0, done=True, ok=True, data=data)
 
 
 class Chain:
@@ -289,79 +377,3 @@ def shown(path: Path) -> str:
     """Return a path as a person would type it: from the working folder, when it is below it."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
-
-
-class Computation:
-    """Process that computes one request at a time.
-
-    It reads a request as one line of JSON, and writes a line for each stage and one with the result
-    or with the error; an interrupt makes it give up what it computes. It starts with the first
-    request, and goes on waiting for the next one; it ends by itself when none comes for long.
-
-    Parameters
-    ----------
-    module : str
-        Module that serves it; see `work.process`.
-    """
-
-    def __init__(self, module: str) -> None:
-        self._module = module
-        self._process: subprocess.Popen[bytes] | None = None
-
-    async def run(self, request: Mapping[str, Any], report: Report) -> Mapping[str, Any]:
-        """Compute; what is cancelled meanwhile leaves the process ready for the next request.
-
-        Raises
-        ------
-        FlexarmError
-            With the line of the process.
-        """
-        process = self._process
-        if process is None or process.poll() is not None:
-            process = self._process = self._started()
-        answer = asyncio.create_task(_answered(process, request, report))
-        try:
-            said = await asyncio.shield(answer)
-        except asyncio.CancelledError:
-            for _ in range(_INTERRUPTS):
-                # One that comes while an object is finalised is lost.
-                process.send_signal(signal.SIGINT)
-                if (await asyncio.wait({answer}, timeout=_AGAIN_S))[0]:
-                    break
-            if not answer.done() or answer.cancelled() or answer.exception():
-                answer.cancel()
-                # It is in a compiled function, where it would hear no other signal.
-                process.kill()
-                self._process = None
-            raise
-        if "error" in said:
-            raise FlexarmError(said["error"])
-        result: dict[str, Any] = said["result"]
-        return result
-
-    def _started(self) -> subprocess.Popen[bytes]:
-        return subprocess.Popen(  # noqa: S603 - our own module
-            [sys.executable, "-m", self._module],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            # It finds the packages where this process found them.
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-        )
-
-
-async def _answered(
-    process: subprocess.Popen[bytes], request: Mapping[str, Any], report: Report
-) -> Mapping[str, Any]:
-    """Return the last line that answers a request."""
-    assert process.stdin is not None  # noqa: S101 - piped
-    assert process.stdout is not None  # noqa: S101 - piped
-    with suppress(BrokenPipeError):
-        process.stdin.write(json.dumps(request).encode() + b"\n")
-        process.stdin.flush()
-    while line := await asyncio.to_thread(process.stdout.readline, _LARGEST_ANSWER):
-        said: dict[str, Any] = json.loads(line)
-        if "stage" not in said:
-            return said
-        report(said["stage"], said["fraction"], said["found"])
-    await asyncio.to_thread(process.wait)
-    raise FlexarmError("the computation has ended without a result: see the log of node live")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from flexarm_core.errors import FlexarmError
-from flexarm_live.graph.jobs import Jobs
+from flexarm_live.graph.chain import Jobs
 from flexarm_live.graph.store import Store
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.called import as_called
-from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.console.quantity import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.commissioning.state import State
 from flexarm_bringup.verbs.laboratory.options import ARM, TWIN, paced, told_rig, twin_rig

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.console.quantity import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.processes import LaunchError, find_executable
 from flexarm_core.labels import counted

@@ -10,47 +10,40 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.quantity import MASS_KG, Quantity
-from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.console.verb_group import examples, together
 from flexarm_bringup.verbs.laboratory.options import ARM, PARAMETER_FILES, RIG, paced
 from flexarm_daq.experiments import catalogue as experiments
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from flexarm_daq.experiments.catalogue import Experiment
 
-
 _WIDTH = 80
-
-
-def _run_options(function: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of a run: pace, seed, folder and parameter files."""
-    options = (
-        paced,
-        click.option(
-            "--seed",
-            type=click.IntRange(0),
-            default=1,
-            show_default=True,
-            help="Seed of the noise and of random excitations.",
-        ),
-        click.option(
-            "-o",
-            "--out",
-            "folder",
-            type=click.Path(file_okay=False, path_type=Path),
-            default=Path("out/experiments"),
-            show_default=True,
-            help="Folder that gets a bag for each.",
-        ),
-        click.option("--overwrite", is_flag=True, help="Replace bags that are there."),
-        RIG,
-        PARAMETER_FILES,
-        ARM,
-    )
-    for option in reversed(options):
-        function = option(function)
-    return function
+_run_options = together(
+    paced,
+    click.option(
+        "--seed",
+        type=click.IntRange(0),
+        default=1,
+        show_default=True,
+        help="Seed of the noise and of random excitations.",
+    ),
+    click.option(
+        "-o",
+        "--out",
+        "folder",
+        type=click.Path(file_okay=False, path_type=Path),
+        default=Path("out/experiments"),
+        show_default=True,
+        help="Folder that gets a bag for each.",
+    ),
+    click.option("--overwrite", is_flag=True, help="Replace bags that are there."),
+    RIG,
+    PARAMETER_FILES,
+    ARM,
+)
+"""Options of a run: pace, seed, folder and parameter files."""
 
 
 @click.command()

@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from flexarm_bringup.console.finite_range import FiniteRange
-from flexarm_bringup.console.quantity import TIME_S, Quantity
+from flexarm_bringup.console.quantity import TIME_S, FiniteRange, Quantity
 from flexarm_bringup.console.verb_group import RUN_ON, examples
 from flexarm_bringup.graph.processes import LaunchError, NodeProgram, find_executable
 from flexarm_bringup.graph.socket_client import socket_client

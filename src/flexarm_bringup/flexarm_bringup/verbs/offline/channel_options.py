@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console.quantity import TIME_S, Quantity
+from flexarm_bringup.console.verb_group import together
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.channels import CLOCKS, Selection, selection
 from flexarm_ident.reading.fields import parse_field
@@ -14,10 +15,9 @@ from flexarm_ident.reading.read import signals_told
 from flexarm_ident.records.span import Span
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
-_OPTIONS = (
+channel_options = together(
     click.option(
         "--input",
         "inputs",
@@ -73,13 +73,7 @@ _OPTIONS = (
         help="Step of an output that is a turn of its encoder, such as 4000; 0: none. Else found.",
     ),
 )
-
-
-def channel_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options to a verb, which takes them by `taken_channels` and `taken_span`."""
-    for option in reversed(_OPTIONS):
-        function = option(function)
-    return function
+"""Options of a verb, which takes them by `taken_channels` and `taken_span`."""
 
 
 def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:

@@ -13,9 +13,8 @@ from click.shell_completion import CompletionItem
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.called import as_called
-from flexarm_bringup.console.finite_range import FiniteRange
-from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
-from flexarm_bringup.console.verb_group import FORCE, examples
+from flexarm_bringup.console.quantity import FREQUENCY_HZ, FiniteRange, Quantity
+from flexarm_bringup.console.verb_group import FORCE, examples, together
 from flexarm_bringup.verbs.offline.channel_options import (
     channel_options,
     taken_channels,
@@ -32,8 +31,6 @@ from flexarm_ident.subspace.methods import AUTO, METHODS
 from flexarm_ident.workflow.request import FEEDTHROUGH, REDUCTIONS, UPDATES, Request
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from flexarm_ident.workflow.results import Results
 
 _METHODS = {AUTO: "chosen by the data"} | {row.name: row.help for row in METHODS.values()}
@@ -46,7 +43,7 @@ def _methods(_: click.Context, __: click.Parameter, start: str) -> list[Completi
     ]
 
 
-_REQUEST_OPTIONS = (
+_request_options = together(
     click.option(
         "--method",
         default="auto",
@@ -146,13 +143,7 @@ _REQUEST_OPTIONS = (
         help="Refine the model: maximum likelihood, or simulation error where errors are no noise.",
     ),
 )
-
-
-def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say what is to be done with bags: the fields of a `Request`."""
-    for option in reversed(_REQUEST_OPTIONS):
-        function = option(function)
-    return function
+"""Options that say what is to be done with bags: the fields of a `Request`."""
 
 
 _PAGES = (".html", ".htm")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.console.quantity import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_control.replaying.comparison import replay as replayed
 from flexarm_control.replaying.record import read_loop

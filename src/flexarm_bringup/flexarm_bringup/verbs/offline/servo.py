@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.finite_range import FiniteRange
-from flexarm_bringup.console.quantity import FREQUENCY_HZ, TIME_S, Quantity
+from flexarm_bringup.console.quantity import FREQUENCY_HZ, TIME_S, FiniteRange, Quantity
+from flexarm_bringup.console.verb_group import together
 from flexarm_bringup.verbs.offline.channel_options import (
     channel_options,
     taken_channels,
@@ -20,7 +20,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.outputs import require_place
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from flexarm_control.servo.job import ServoDesign, ServoRequest, Source
@@ -42,7 +42,8 @@ class _Bandwidth(Quantity):
         return None if value in {None, "auto"} else super().convert(value, param, ctx)
 
 
-_OPTIONS = (
+servo_options = together(
+    channel_options,
     click.option(
         "--track", multiple=True, metavar="OUTPUT", help="Output with a set-point; repeat."
     ),
@@ -76,13 +77,7 @@ _OPTIONS = (
         help="Time from a sample to its command, s, or with its unit: 0.5ms.",
     ),
 )
-
-
-def servo_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of `run_servo` to a verb."""
-    for option in reversed(_OPTIONS):
-        function = option(function)
-    return channel_options(function)
+"""Options of `run_servo`."""
 
 
 def run_servo(paths: Sequence[Path], out: Path, options: dict[str, Any], *, force: bool) -> None:

@@ -10,8 +10,7 @@ from click.core import ParameterSource
 from rich.table import Table
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.finite_range import FiniteRange
-from flexarm_bringup.console.quantity import TIME_S, Quantity
+from flexarm_bringup.console.quantity import TIME_S, FiniteRange, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_control.design.model_sources import friction_levels_v, load_models
 from flexarm_control.design.tuning_job import TUNINGS, TuneRequest

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.verb_group import FORCE
+from flexarm_bringup.console.verb_group import FORCE, together
 from flexarm_bringup.graph.processes import HeldDriveError
 from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
 from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
@@ -19,7 +19,7 @@ from flexarm_core.own_files import claimed
 from flexarm_ident.job import result_files
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
     from pathlib import Path
 
     from flexarm_bringup.runs.pace import Pace
@@ -112,27 +112,23 @@ class RunSettings:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
-def run_options(function: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of `RunSettings` to a verb, but for the folder."""
-    options = (
-        PAYLOAD,
-        click.option(
-            "--seed",
-            type=click.IntRange(0),
-            default=1,
-            show_default=True,
-            help="Seed of the noise.",
-        ),
-        paced,
-        click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag."),
-        click.option(
-            "--live",
-            is_flag=True,
-            help="Show every step on a page in the browser, whose address stands on a line.",
-        ),
-        FORCE,
-        ARM,
-    )
-    for option in reversed(options):
-        function = option(function)
-    return function
+run_options = together(
+    PAYLOAD,
+    click.option(
+        "--seed",
+        type=click.IntRange(0),
+        default=1,
+        show_default=True,
+        help="Seed of the noise.",
+    ),
+    paced,
+    click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag."),
+    click.option(
+        "--live",
+        is_flag=True,
+        help="Show every step on a page in the browser, whose address stands on a line.",
+    ),
+    FORCE,
+    ARM,
+)
+"""Options of `RunSettings`, but for the folder."""

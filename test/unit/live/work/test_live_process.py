@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from flexarm_core.errors import FlexarmError
-from flexarm_live.graph.chain import Computation
+from flexarm_live.work.process import Computation
 from support.project import BAGS
 
 if TYPE_CHECKING:
