@@ -27,26 +27,14 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
 
-class Sample(Protocol):
-    """Reading of a rig."""
-
-    @property
-    def time_s(self) -> float:
-        """Instant of the sample, s."""
-
-    @property
-    def outputs(self) -> FloatArray:
-        """Position, base strain, middle strain and speed, V, (4,)."""
-
-
 class Rig(Protocol):
     """Rig of a simulation, such as `flexarm_daq.SimulatedRig`."""
 
     def open(self) -> None:
         """Open the rig, with the drive at zero."""
 
-    def read(self) -> Sample:
-        """Sample the four channels."""
+    def read(self) -> RigSample:
+        """Sample position, base strain, middle strain and speed, V."""
 
     def write(self, commands: Sequence[float], /) -> None:
         """Command the drive, V."""

@@ -10,14 +10,13 @@ import numpy as np
 
 from flexarm_live.graph.about import SEQUENCE_SPAN, columns_of
 from flexarm_node.codecs import codec_of
-from flexarm_node.topics.waiting import message_of
+from flexarm_node.topics.waiting import content_of, message_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_core.arrays import FloatArray
     from flexarm_core.rig_description import RigDescription
-    from flexarm_core.signals import Sample
     from flexarm_node.topics.waiting import RawMessage
 
 SAMPLES, REFERENCE, STREAMED_REFERENCE = range(3)
@@ -80,7 +79,8 @@ class SampleReader:
             if message.topic != SAMPLES:
                 self._hear_references(message.raw)
                 continue
-            sample = self._sample(message.raw)
+            # One of another rig has none.
+            sample = content_of(message.raw, self.codec.samples)
             if sample is None:
                 continue
             self.newest, self.outputs = sample.sequence, sample.outputs
@@ -121,14 +121,6 @@ class SampleReader:
             "t_s": np.concatenate([np.empty(0), *(each for each, _ in parts)]),
             "values": dict(zip(self._columns, rows.T, strict=True)),
         }
-
-    def _sample(self, raw: bytes) -> Sample | None:
-        """Return a sample; None for one of another rig, and for bytes of no message."""
-        packing = self.codec.samples
-        sample = packing.unpack(raw)
-        if sample is None and (message := message_of(raw, packing.message_type)) is not None:
-            sample = packing.numbers(message)
-        return sample
 
     def _hear_references(self, raw: bytes) -> None:
         message = message_of(raw, self.codec.reference_type)

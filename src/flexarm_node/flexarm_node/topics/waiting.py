@@ -84,6 +84,15 @@ def message_of(raw: bytes, message_type: type) -> Any | None:  # noqa: ANN401 - 
         return None
 
 
+def content_of(raw: bytes, layout: Unpacking[ContentT_co]) -> ContentT_co | None:
+    """Return the content of a message; None for bytes of no message."""
+    found = layout.unpack(raw)
+    if found is not None:
+        return found
+    message = message_of(raw, layout.message_type)
+    return None if message is None else layout.numbers(message)
+
+
 class _OutsideExecutor(CallbackGroup):
     """Entities in this group are never handed to an executor."""
 
@@ -161,7 +170,7 @@ class TopicWaiter(Generic[ContentT_co]):
         if taken is None and timeout_s > 0.0:
             self._waiting.wait(timeout_s)
             taken = self._waiting.take(0)
-        return None if taken is None else self._read(taken[0])
+        return None if taken is None else content_of(taken[0], self._layout)
 
     def wait_all(self, timeout_s: float) -> list[ContentT_co]:
         """Return all waiting messages, or those that come within the time; possibly none."""
@@ -178,18 +187,10 @@ class TopicWaiter(Generic[ContentT_co]):
     def _take_all(self) -> list[ContentT_co]:
         messages = []
         while (taken := self._waiting.take(0)) is not None:
-            found = self._read(taken[0])
+            found = content_of(taken[0], self._layout)
             if found is not None:
                 messages.append(found)
         return messages
-
-    def _read(self, raw: bytes) -> ContentT_co | None:
-        """Return the content of a message; None for bytes of no message, which rclpy drops too."""
-        found = self._layout.unpack(raw)
-        if found is not None:
-            return found
-        message = message_of(raw, self._layout.message_type)
-        return None if message is None else self._layout.numbers(message)
 
 
 class RawTopicsWaiter:
