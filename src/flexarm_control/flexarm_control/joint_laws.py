@@ -3,6 +3,9 @@
 A law of the thesis knows a drive of 10 V and a travel of 6.857 V. On another rig it sees each joint
 so: the end of the input's limits stands for 10 V, and that of the travel for 6.857 V. Its gains
 then mean the same on every rig, and so do its limits.
+
+Where the set-point of a joint means another angle, such as the direction of the tip, the law takes
+it for that of the joint: at rest both are the same.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ if TYPE_CHECKING:
 
     from flexarm_control.laws.law_protocol import LawWithMemory, Memory
     from flexarm_control.laws.registry import LawSpec
-    from flexarm_core.rig_description import Joint, RigDescription
+    from flexarm_core.rig_description import Joint, Output, RigDescription
     from flexarm_core.signals import Sample
 
     Answer = tuple[tuple[float, ...], tuple[float, ...]]
@@ -62,6 +65,8 @@ class JointWay:
         Volts of speed for one unit of the rate, or of the angle a second.
     rest, per_volt : float
         Command at rest, and change of it for 1 V.
+    tracked_per_unit : float
+        Units of the tracked output for one unit of the angle.
     """
 
     name: str
@@ -73,22 +78,40 @@ class JointWay:
     rate_volts_per_unit: float
     rest: float
     per_volt: float
+    tracked_per_unit: float = 1.0
+
+    def angle_v(self, angle: float) -> float:
+        """Return an angle in volts."""
+        return self.volts_per_unit * (angle - self.middle)
 
     def reference_v(self, reference: float) -> float:
-        """Return a set-point in volts."""
-        return self.volts_per_unit * (reference - self.middle)
+        """Return a set-point, in the unit of the tracked output, in volts."""
+        return self.angle_v(reference / self.tracked_per_unit)
 
     def reference(self, reference_v: float) -> float:
-        """Return a set-point of volts in the unit of the angle."""
-        return self.middle + reference_v / self.volts_per_unit
+        """Return a set-point of volts in the unit of the tracked output."""
+        return self.tracked_per_unit * (self.middle + reference_v / self.volts_per_unit)
 
 
 def joint_ways(rig: RigDescription) -> tuple[JointWay, ...]:
     """Return the ways of the joints of a rig."""
-    return tuple(_way(rig, each) for each in rig.joints)
+    tracked = rig.tracked if _tracks_joints(rig) else [each.angle for each in rig.joints]
+    return tuple(
+        _way(rig, joint, rig.output(name)) for joint, name in zip(rig.joints, tracked, strict=True)
+    )
 
 
-def _way(rig: RigDescription, joint: Joint) -> JointWay:
+def _tracks_joints(rig: RigDescription) -> bool:
+    """Return whether the set-points mean an angle of each joint, in their order."""
+    outputs = [rig.output(name) for name in rig.tracked]
+    angles = [joint.angle for joint in rig.joints]
+    return len(outputs) == len(angles) and all(
+        each.name == angle or (each.quantity == "angle" and each.name not in angles)
+        for each, angle in zip(outputs, angles, strict=True)
+    )
+
+
+def _way(rig: RigDescription, joint: Joint, tracked: Output) -> JointWay:
     driven, angle = rig.input(joint.input), rig.output(joint.angle)
     volts_per_unit = joint.sign * TRAVEL_V / joint.half_travel
     per_second = 1.0
@@ -105,6 +128,7 @@ def _way(rig: RigDescription, joint: Joint) -> JointWay:
         volts_per_unit * per_second * _SPEED_S,
         driven.rest,
         driven.reach / MAX_COMMAND_V,
+        (tracked.per_si or 1.0) / (angle.per_si or 1.0),
     )
 
 
@@ -127,11 +151,11 @@ def require_known_outputs(spec: LawSpec, rig: RigDescription) -> None:
             "description (joints), or take the law servo"
         )
     require_both_ways(rig, f"law {spec.name} drives", "take the law servo")
-    if rig.tracked != tuple(each.angle for each in rig.joints):
+    if not _tracks_joints(rig):
         raise SettingError(
             f"law {spec.name} turns the joints of rig {rig.name}, which tracks "
             f"{', '.join(rig.tracked)}: take the law servo with a controller that `flexarm design "
-            "--track` made, or leave tracked out of the description"
+            "--track` made, or name an angle of each joint under tracked"
         )
     if spec.takes_model or not _KNOWN_PLACES.issuperset(spec.uses_outputs):
         needs = "a model of the thesis's arm" if spec.takes_model else "the strain of its gauges"
@@ -171,7 +195,7 @@ class JointLaws:
         sample : Sample
             Outputs, and the commands in force, in the units of the rig.
         references : sequence of float, (joints,)
-            Set-points of the angles, in their units.
+            Set-points of the tracked outputs, in their units.
 
         Returns
         -------
@@ -181,7 +205,7 @@ class JointLaws:
         efforts, compensations = list(self._rest), [0.0] * len(self._rest)
         rows = zip(self._ways, self._loops, self._rates_v, references, strict=True)
         for way, loop, filtered, reference in rows:
-            angle_v = way.reference_v(sample.outputs[way.angle])
+            angle_v = way.angle_v(sample.outputs[way.angle])
             rate_v = filtered.step(angle_v) * _SPEED_S
             if way.rate is not None:
                 rate_v = way.rate_volts_per_unit * sample.outputs[way.rate]

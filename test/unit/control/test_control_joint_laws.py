@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, cast
 
@@ -102,6 +103,34 @@ def test_angles___at_the_ends_of_their_travel___are_those_of_the_thesis() -> Non
 @pytest.mark.parametrize("reference", [-3.0, 0.0, 42.0])
 def test_set_point___there_and_back___is_the_same(way: JointWay, reference: float) -> None:
     assert way.reference(way.reference_v(reference)) == pytest.approx(reference)
+
+
+def test_set_point_of_a_tip___is_that_of_its_joint() -> None:
+    changes = {
+        "  elbow_rpm:": "  tip_deg: {quantity: angle, unit: deg, range: 200}\n  elbow_rpm:",
+        "driver:": "tracked: [tip_deg, elbow_deg]\ndriver:",
+    }
+    text = TEXT
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    laws, rig = [Fixed(), Fixed()], described(text)
+    JointLaws(rig, laws).step(
+        Sample(0, 1, (300.0, 0.5, 50.0, 33.0, 0.0), (7.0, 5.0, 0.0), (0.0, 0.0, 0.0), 0),
+        (math.degrees(2.0), 50.0),
+    )
+    # The hip's angle is in rad, and 2 rad are the end of its travel.
+    assert laws[0].references_v[0] == pytest.approx(TRAVEL_V)
+    assert laws[0].volts[0][0] == pytest.approx(0.0)
+    assert joint_ways(rig)[0].reference(TRAVEL_V) == pytest.approx(math.degrees(2.0))
+
+
+@pytest.mark.parametrize("tracked", ["elbow_deg, hip_rad", "elbow_deg", "warmth, elbow_deg"])
+def test_law_of_joints___set_points_of_something_else___is_refused(tracked: str) -> None:
+    text = TEXT.replace("warmth: {unit: K}", "warmth: {unit: K, range: 900}")
+    rig = described(text.replace("driver:", f"tracked: [{tracked}]\ndriver:"))
+    spec = cast("LawSpec", SimpleNamespace(name="pd", takes_model=False, uses_outputs=(0, 3)))
+    with pytest.raises(SettingError, match="or name an angle of each joint under tracked"):
+        require_known_outputs(spec, rig)
 
 
 def test_efforts___of_volts___move_each_input_from_its_rest() -> None:
