@@ -13,12 +13,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from support.logging_rig import LoggingRig
-from support.system_graph import ROOT, eventually, executable, ros_arguments
+from support.system_graph import ROOT, Graph, eventually, executable, ros_arguments
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
 
@@ -56,6 +54,14 @@ time.sleep(600)
 """
 
 
+@pytest.fixture(scope="module")
+def commanded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """Return a graph whose controller commands one daq node after the other."""
+    with Graph(tmp_path_factory.mktemp("commanded")) as graph:
+        graph.start("controller", RESTLESS | {"autostart": True})
+        yield graph
+
+
 @pytest.fixture
 def rig(tmp_path: Path) -> LoggingRig:
     return LoggingRig(tmp_path)
@@ -75,13 +81,12 @@ def is_alive(pid: int) -> bool:
 
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_daq___any_ending___leaves_zero_on_the_output(
-    graph: Graph, rig: LoggingRig, ending: str
+    commanded: Graph, rig: LoggingRig, ending: str
 ) -> None:
-    daq = graph.start("daq", rig.parameters | {"autostart": True})
-    graph.start("controller", RESTLESS | {"autostart": True})
+    daq = commanded.start("daq", rig.parameters | {"autostart": True})
     eventually(rig.is_driven, "a driven arm")
 
-    assert graph.stop(daq, *ENDINGS[ending]) == 0
+    assert commanded.stop(daq, *ENDINGS[ending]) == 0
 
     assert rig.outputs_v[-1] == 0.0
     assert "samples, the drive is at zero" in daq.printed
@@ -106,17 +111,18 @@ def arguments(parameters: dict[str, object]) -> Iterator[str]:
     return (word for word in words if ":=" in word)
 
 
-def test_daq___that_nobody_reads___goes_on_and_leaves_zero(graph: Graph, rig: LoggingRig) -> None:
+def test_daq___that_nobody_reads___goes_on_and_leaves_zero(
+    commanded: Graph, rig: LoggingRig
+) -> None:
     process = subprocess.Popen(  # noqa: S603 - our own program
         node("daq", rig.parameters),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        env=graph.environment,
+        env=commanded.environment,
         start_new_session=True,
     )
     assert process.stdout is not None
     process.stdout.close()
-    graph.start("controller", RESTLESS | {"autostart": True})
     eventually(rig.is_driven, "a driven arm")
     # It has to say something: a stop of the drive is a warning in its log.
     process.send_signal(signal.SIGPIPE)
@@ -162,18 +168,17 @@ def started_by(graph: Graph, commands: list[list[str]]) -> tuple[subprocess.Pope
 
 
 def test_thread___that_started_a_node_and_ends___does_not_end_it(
-    graph: Graph, rig: LoggingRig
+    commanded: Graph, rig: LoggingRig
 ) -> None:
     parent = subprocess.Popen(  # noqa: S603 - our own program
         [sys.executable, "-c", THREADED, *node("daq", rig.parameters)],
         stdout=subprocess.PIPE,
         text=True,
-        env=graph.environment,
+        env=commanded.environment,
         start_new_session=True,
     )
     assert parent.stdout is not None
     pid = int(parent.stdout.readline())
-    graph.start("controller", RESTLESS | {"autostart": True})
     eventually(rig.is_driven, "a driven arm")
     assert is_alive(pid)
 
@@ -186,7 +191,7 @@ def test_thread___that_started_a_node_and_ends___does_not_end_it(
 
 @pytest.mark.parametrize("detach", ["nohup", "setsid"])
 def test_node___that_was_detached___goes_on_without_its_shell(
-    graph: Graph, rig: LoggingRig, detach: str
+    commanded: Graph, rig: LoggingRig, detach: str
 ) -> None:
     command = [detach, *node("daq", rig.parameters)]
     shell = subprocess.Popen(  # noqa: S603 - our own program
@@ -194,12 +199,11 @@ def test_node___that_was_detached___goes_on_without_its_shell(
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env=graph.environment,
+        env=commanded.environment,
         start_new_session=True,
     )
     assert shell.stdout is not None
     pid = int(shell.stdout.readline())
-    graph.start("controller", RESTLESS | {"autostart": True})
     eventually(rig.is_driven, "a driven arm")
 
     os.killpg(shell.pid, signal.SIGHUP)
@@ -234,7 +238,9 @@ def test_up___that_ends___leaves_zero_on_the_output(
     assert "duration" in (bag / "metadata.yaml").read_text()
 
 
-def test_terminal___that_is_closed___ends_what_runs_in_it(graph: Graph, rig: LoggingRig) -> None:
+def test_terminal___that_is_closed___ends_what_runs_in_it(
+    commanded: Graph, rig: LoggingRig
+) -> None:
     """The issue's own case: `flexarm run` in a terminal whose window is closed."""
     master, slave = os.openpty()
     words = ["run", "flexarm_daq", "daq_node", *ros_arguments(rig.parameters | {"autostart": True})]
@@ -243,11 +249,10 @@ def test_terminal___that_is_closed___ends_what_runs_in_it(graph: Graph, rig: Log
         stdin=slave,
         stdout=slave,
         stderr=slave,
-        env=graph.environment,
+        env=commanded.environment,
         start_new_session=True,
     )
     os.close(slave)
-    graph.start("controller", RESTLESS | {"autostart": True})
     eventually(rig.is_driven, "a driven arm")
 
     os.close(master)
