@@ -13,7 +13,7 @@ from flexarm_ident.subspace.gram import block_gram
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 SEEDS = st.integers(0, 10_000)
-few = settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])
+few = settings(max_examples=12, suppress_health_check=[HealthCheck.too_slow])
 
 
 def names(data: IoData, block_rows: int = 20) -> list[str]:

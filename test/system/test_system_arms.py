@@ -143,8 +143,9 @@ def test_namespace_that_is_none___is_refused(name: str) -> None:
 
 def test_second_up___with_a_namespace_of_its_own___runs_beside_the_first(graph: Graph) -> None:
     for namespace in ("flexarm", "lab/arm2"):
-        process = graph.run([str(ROOT / "flexarm"), "up", "--no-page", "--namespace", namespace])
-        process.wait_for(f"/{namespace} is up: pdpc at 300 Hz")
+        words = ["up", "--no-page", "--rate", "50", "--namespace", namespace]
+        process = graph.run([str(ROOT / "flexarm"), *words])
+        process.wait_for(f"/{namespace} is up: pdpc at 50 Hz")
     again = graph.run([str(ROOT / "flexarm"), "up", "--namespace", "lab/arm2"])
     assert again.exit_code() == 1
     assert "another --namespace" in again.printed

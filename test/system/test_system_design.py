@@ -65,7 +65,7 @@ def test_experiment___identified_and_designed_on___is_controlled_in_the_running_
     assert weights["ilqr.model"] == "experiment"
     own = {name: value for name, value in weights.items() if not name.startswith("models.")}
     assert graph.refusal("controller", {**model, **own, **chosen}) == ""
-    run("controller", str(tmp_path / "step"), 3000, lambda _: None)
+    run("controller", str(tmp_path / "step"), 1500, lambda _: None)
 
     step = read_bag(tmp_path / "step")
     figures = step_figures(step.dt_s * np.arange(len(step)), step.y[:, 0], SET_POINT_V)

@@ -31,12 +31,12 @@ def failed_run(graph: Graph, folder: Path, pace: str, daq: dict[str, Any]) -> st
     return process.printed.splitlines()[-1]
 
 
-@pytest.mark.parametrize("pace", ["--real-time", "--fast"])
 @pytest.mark.parametrize(
-    ("fault", "reason"), [("stuck", "is stuck at"), ("not_a_number", "is not a number")]
+    ("fault", "reason", "pace"),
+    [("stuck", "is stuck at", "--real-time"), ("not_a_number", "is not a number", "--fast")],
 )
 def test_sensor_fault_in_an_experiment___ends_it_with_the_reason_and_keeps_the_record(
-    graph: Graph, tmp_path: Path, pace: str, fault: str, reason: str
+    graph: Graph, tmp_path: Path, fault: str, reason: str, pace: str
 ) -> None:
     daq = {"fault": fault, "fault_after_samples": 30, "fault_channel": "middle_strain_v"}
 

@@ -30,7 +30,7 @@ def test_up___its_page___shows_samples_and_drives_the_arm(
     graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = tmp_path / "bag"
-    process = graph.run([str(ROOT / "flexarm"), "up", "--bag", str(bag)])
+    process = graph.run([str(ROOT / "flexarm"), "up", "--rate", "100", "--bag", str(bag)])
     process.wait_for("#token=")
     address = next(line for line in process.printed.splitlines() if line.startswith("http"))
     url = address.replace("http", "ws", 1).replace("/#", "/live?")

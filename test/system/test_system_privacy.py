@@ -92,7 +92,7 @@ def test_verb___listens_on_loopback_alone(graph: Graph, verb: str) -> None:
 
 
 def test_up___listens_on_loopback_alone_and_so_do_its_nodes(graph: Graph) -> None:
-    process = graph.run([str(ROOT / "flexarm"), "up"])
+    process = graph.run([str(ROOT / "flexarm"), "up", "--rate", "50"])
 
     # The page's address comes last.
     seen = addresses_until(graph, lambda: "/#token=" in process.printed)

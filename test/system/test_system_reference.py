@@ -41,7 +41,7 @@ def running(graph: Graph, tmp_path: Path) -> Graph:
     """Return a loop that runs and is recorded."""
     graph.start("recorder", {"bag": str(tmp_path / "bag")})
     graph.start("controller", {"law": "pd"})
-    graph.start("daq")
+    graph.start("daq", {"rate_hz": 100.0})
     graph.activate_loop()
     graph.operator.start_sampling()
     return graph

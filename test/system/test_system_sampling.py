@@ -32,6 +32,14 @@ MAX_AGE_PERIODS = 3
 # A step whose error stays, so that the command never is zero by itself.
 RESTLESS = {"law": "pd", "reference": "square", "square.period_s": 0.4, "pd.compensation_v": 0.7}
 
+DRIVEN: dict[str, object] = {
+    "rate_hz": 300.0,
+    "real_time_factor": 1.0,
+    "samples": 0,
+    "max_command_v": 10.0,
+    "position_bound_v": 6.5,
+}
+
 
 def nothing(_: int) -> None:
     """Show no progress."""
@@ -57,19 +65,25 @@ def record(graph: Graph, bag: Path, samples: int) -> States:
 
 
 @pytest.fixture(scope="module")
-def virtual_loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-    """Return a loop in virtual time, ready to sample."""
-    with Graph(tmp_path_factory.mktemp("virtual")) as graph:
-        start_loop(graph, {"real_time_factor": 0.0}, {"law": "pdpc", "reference": "square"})
+def shared_loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """Return a loop that waits to be activated, with a restless controller."""
+    with Graph(tmp_path_factory.mktemp("shared")) as graph:
+        start_loop(graph, DRIVEN)
         yield graph
 
 
-@pytest.fixture(scope="module")
-def driven_loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-    """Return a loop at 300 Hz that waits to be activated, with a restless controller."""
-    with Graph(tmp_path_factory.mktemp("driven")) as graph:
-        start_loop(graph, {"rate_hz": 300.0})
-        yield graph
+@pytest.fixture
+def driven_loop(shared_loop: Graph) -> Graph:
+    """Return it at 300 Hz and at the pace of the clock."""
+    shared_loop.operator.set_parameters("daq", DRIVEN)
+    return shared_loop
+
+
+@pytest.fixture
+def virtual_loop(driven_loop: Graph) -> Graph:
+    """Return it as fast as it goes."""
+    driven_loop.operator.set_parameters("daq", {"real_time_factor": 0.0})
+    return driven_loop
 
 
 def test_virtual_time___same_seed_same_numbers___other_seed_others(
@@ -95,17 +109,16 @@ def test_command_beyond_the_limits___is_recorded_as_limited(
     virtual_loop: Graph, tmp_path: Path
 ) -> None:
     virtual_loop.operator.set_parameters("daq", {"max_command_v": 0.5})
-    try:
-        run = record(virtual_loop, tmp_path / "run", 600)
-    finally:
-        virtual_loop.operator.set_parameters("daq", {"max_command_v": 10.0})
+    run = record(virtual_loop, tmp_path / "run", 600)
     assert np.abs(run.command_v).max() == 0.5
 
 
-def test_limits_set_while_driving___act_at_once___and_the_rate_is_refused(graph: Graph) -> None:
+def test_limits_set_while_driving___act_at_once___and_the_rate_is_refused(
+    driven_loop: Graph,
+) -> None:
+    graph = driven_loop
     states: list[ArmState] = []
-    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
-    start_loop(graph, {"rate_hz": 100.0})
+    heard = graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
     assert graph.transition("daq", "activate")
     graph.wait(lambda: any(abs(state.command_v) > 0.7 for state in states), "a strong command")
 
@@ -119,6 +132,7 @@ def test_limits_set_while_driving___act_at_once___and_the_rate_is_refused(graph:
         graph.operator.set_parameters("daq", {"rate_hz": 500.0, "max_command_v": 10.0})
     assert graph.transition("daq", "deactivate")
     graph.operator.set_parameters("daq", {"rate_hz": 500.0, "max_command_v": 10.0})
+    graph.node.destroy_subscription(heard)
 
 
 def test_first_activation___stamps_are_the_instants_of_sampling(graph: Graph) -> None:
@@ -174,10 +188,11 @@ def test_law_for_another_rate___controller_ends_and_the_drive_is_at_zero(
     assert answer.message.endswith(f"{advice}; then activate controller")
 
 
-def test_law_for_another_rate___is_refused_while_samples_come(graph: Graph) -> None:
+def test_law_for_another_rate___is_refused_while_samples_come(virtual_loop: Graph) -> None:
+    graph = virtual_loop
     states: list[ArmState] = []
-    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
-    start_loop(graph, {"real_time_factor": 0.0, "rate_hz": 500.0})
+    heard = graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    graph.operator.set_parameters("daq", {"rate_hz": 500.0})
     assert graph.transition("daq", "activate")
     graph.wait(lambda: bool(states) and states[-1].sequence > 200, "a measured rate")
     assert graph.refusal("controller", {"law": "ilqr"}) == (
@@ -185,7 +200,9 @@ def test_law_for_another_rate___is_refused_while_samples_come(graph: Graph) -> N
         "sample at that rate or take another law"
     )
     assert graph.refusal("controller", {"law": "pdp"}) == ""
+    assert graph.refusal("controller", {"law": "pd"}) == ""
     assert graph.transition("daq", "deactivate")
+    graph.node.destroy_subscription(heard)
 
 
 def test_killed_controller___drive_goes_to_zero_and_stays(graph: Graph, tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ def test_up___samples_and_records_until_ctrl_c(graph: Graph, tmp_path: Path) -> 
 
 def test_up___set_point_out_of_travel___is_refused_on_the_terminal(graph: Graph) -> None:
     publisher = graph.node.create_publisher(Float64, "/flexarm/reference", qos.SENT)
-    process = graph.run([str(ROOT / "flexarm"), "up", "--no-page"])
+    process = graph.run([str(ROOT / "flexarm"), "up", "--no-page", "--rate", "50"])
     process.wait_for("/flexarm is up")
     refusal = "[flexarm.controller]: reference 9.5 V refused: the travel is"
 
@@ -163,7 +163,7 @@ def test_up___recorder_killed___arm_goes_on_and_another_recorder_takes_its_place
     bag, second = tmp_path / "bag", tmp_path / "second"
     heard: list[ArmState] = []
     graph.node.create_subscription(ArmState, "/flexarm/state", heard.append, qos.EVERY)
-    options = "--no-page", "--reference", "square", "--bag", str(bag)
+    options = "--no-page", "--rate", "100", "--reference", "square", "--bag", str(bag)
     process = graph.run([str(ROOT / "flexarm"), "up", *options])
     graph.wait(lambda: sum(bool(state.command_v) for state in heard) > 100, "a driven arm")
     (recorder,) = graph.survivors("recorder_node")

@@ -77,7 +77,7 @@ def test_copy___keeps_definitions_and_durability(tmp_path: Path) -> None:
         assert profile.durability is QosDurability.TRANSIENT_LOCAL
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(st.data())
 def test_file_cut_anywhere___every_whole_chunk_is_saved(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
@@ -104,7 +104,7 @@ def test_file_cut_anywhere___every_whole_chunk_is_saved(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("indexed", [True, False])
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_one_wrong_byte_in_a_chunk___costs_the_messages_of_that_chunk(
     tmp_path_factory: pytest.TempPathFactory,
@@ -132,7 +132,7 @@ def test_one_wrong_byte_in_a_chunk___costs_the_messages_of_that_chunk(
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(st.data())
 def test_one_wrong_byte_anywhere___no_message_is_changed(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
@@ -152,7 +152,7 @@ def test_one_wrong_byte_anywhere___no_message_is_changed(
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(st.data())
 def test_cut_and_wrong_bits___every_whole_chunk_is_saved_and_nothing_is_changed(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject

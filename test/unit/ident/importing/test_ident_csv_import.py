@@ -235,7 +235,7 @@ def test_import___existing_bag___is_not_overwritten(tmp_path: Path) -> None:
         import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     values=st.lists(
         st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 2), min_size=2, max_size=20

@@ -93,7 +93,7 @@ def test_load_model___saved_model___returns_every_bit(tmp_path: Path, suffix: st
 
 @pytest.mark.usefixtures("mat_in_this_process")
 @pytest.mark.parametrize("suffix", READ_BACK)
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(model=models())
 def test_load_model___any_saved_model_in_one_process___returns_every_bit(
     tmp_path: Path, suffix: str, model: control.StateSpace
@@ -285,7 +285,7 @@ def test_load_model___mat_file_with_odd_variable___is_refused(
 
 
 @pytest.mark.parametrize("suffix", [".yaml", ".json"])
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_load_model___damaged_text___is_refused_or_unharmed(
     tmp_path: Path, suffix: str, data: st.DataObject
