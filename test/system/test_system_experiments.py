@@ -64,7 +64,7 @@ def test_experiments___are_recorded_as_the_tables_say_and_repeat_themselves(
 
     sign_of_the_old_one = tmp_path / "first" / "R_dat7" / "R_dat7_1.mcap"
     sign_of_the_old_one.touch()
-    again = run(graph, tmp_path / "first", "R_dat7", "O_dat5", "--overwrite")
+    again = run(graph, tmp_path / "first", "R_dat7", "--overwrite")
     assert again == first
     assert not sign_of_the_old_one.exists()
     left = {path.name for path in (tmp_path / "first").iterdir()}
