@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from scipy.linalg import eigh
+import scipy
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,7 +49,7 @@ def eigenmodes(
     shapes : ndarray, (dofs, count)
         Shapes, normalised to unit modal mass; their sign is open.
     """
-    found, starts = eigh(stiffness, mass, subset_by_index=(1, count))
+    found, starts = scipy.linalg.eigh(stiffness, mass, subset_by_index=(1, count))
     squares, shapes = np.empty(count), np.empty((len(mass), count))
     mass_rows = _banded(mass, bandwidth)
     for mode, (square, start) in enumerate(zip(found.tolist(), starts.T, strict=True)):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.special import gammaincc
+import scipy
 
 from flexarm_core.errors import DataError
 
@@ -189,4 +189,4 @@ def _probability(ratios: FloatArray, periods: int) -> FloatArray:
     """
     free = periods - 1
     logarithms = free * np.log1p(ratios / free)
-    return np.asarray(gammaincc(len(ratios), logarithms.sum(axis=0)))
+    return np.asarray(scipy.special.gammaincc(len(ratios), logarithms.sum(axis=0)))

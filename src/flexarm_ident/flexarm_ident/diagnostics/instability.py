@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import bdtrc
+import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_inputs
@@ -64,7 +64,7 @@ def is_unstable(A: FloatArray, C: FloatArray, records: Sequence[IoData]) -> bool
     # A disturbance is in both errors: it hides their ratio, but not which of them is less. Those of
     # a stable plant's pieces are so by chance.
     better = np.count_nonzero(own < moved)
-    return bool(better and bdtrc(better - 1, len(pieces), 0.5) < SIGNIFICANCE)
+    return bool(better and scipy.special.bdtrc(better - 1, len(pieces), 0.5) < SIGNIFICANCE)
 
 
 def _missed(A: FloatArray, C: FloatArray, pieces: Sequence[IoData]) -> FloatArray:
