@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
 
 _PERIODS = 8.0
+# Periods of the bandwidth that a step may take.
+_LONGEST = 1000.0
 _WIDTH = 0.05
 
 
@@ -222,6 +224,12 @@ def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesig
     steps = _steps(first, tracked)
     slowest = np.max(np.abs(steps) / gains.slopes, initial=0.0) / gains.rate_hz
     seconds = _PERIODS / gains.bandwidth_hz + slowest
+    if not seconds < _LONGEST / gains.bandwidth_hz:
+        raise SettingError(
+            f"a step would take {seconds:.3g} s within the limits of the inputs, "
+            f"{', '.join(f'{each:.4g}' for each in limits)}: say larger ones by --limit, or "
+            "identify the plant again"
+        )
     twin = first.twin(request.delay_s)
     run = step_run(servo, twin, steps, seconds, seed=0)
     others = tuple(

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import scipy
 
 from flexarm_control.models.arm_model import delayed
 from flexarm_core.errors import SettingError
@@ -271,18 +272,34 @@ def _forward(
 
     At low frequencies the tracked outputs answer the set-points by I + H1 d + H2 d^2 + ..., where d
     is the difference to the next sample. The first three terms of the inverse make them follow a
-    smooth plan without a lag, also where an exact inverse would not be stable.
+    smooth plan without a lag, also where an exact inverse would not be stable. What creeps far more
+    slowly than the bandwidth, and is left so by the regulator, stands still in a move.
     """
-    away = np.eye(plant.nstates) - (plant.A - plant.B @ gain)
+    closed = plant.A - plant.B @ gain
+    moving = _without_creep(closed, 2.0 * np.pi * _SLOW * bandwidth_hz * float(plant.dt))
+    away = np.eye(plant.nstates) - closed
     rows = plant.C[list(tracked)]
-    terms, states = [], plant.B
+    terms, states = [], moving @ plant.B
     for sign in (1.0, -1.0, 1.0):
-        states = np.linalg.solve(away, states)
+        states = moving @ np.linalg.solve(away, states)
         terms.append(sign * rows @ states)
     _require_reach(plant, tracked, terms[0], bandwidth_hz)
     still = np.linalg.pinv(terms[0] * scale) * scale[:, None]
     first, second = terms[1] @ still, terms[2] @ still
     return np.stack([still, -still @ first, still @ (first @ first - second)])
+
+
+def _without_creep(A: FloatArray, slowest: float) -> FloatArray:
+    """Return the projector, (states, states), on the modes of a transition that are not too slow.
+
+    `slowest` is the magnitude of the logarithm of an eigenvalue, in radians a sample.
+    """
+    values, left, right = scipy.linalg.eig(A, left=True)
+    kept = np.eye(len(A), dtype=complex)
+    for i in np.flatnonzero(np.abs(values - 1.0) < slowest):
+        row = left[:, i].conj()
+        kept -= np.outer(right[:, i], row) / (row @ right[:, i])
+    return np.asarray(kept.real)
 
 
 def _below(plant: control.StateSpace, corner_hz: float) -> FloatArray:

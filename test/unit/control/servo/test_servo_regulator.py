@@ -242,6 +242,26 @@ def test_choose_bandwidth___each_filter_alone___gives_no_larger_one(
     assert len({each.regulator.bandwidth_hz for each in alone}) > 1
 
 
+def test_forward___mode_that_creeps___changes_no_gain_of_a_move() -> None:
+    arm = loop_plant(bending_arm())
+    # Hours of time constant, hardly moved by the input and hardly seen: the cube of it was.
+    A = np.block([[arm.A, np.zeros((4, 1))], [np.zeros((1, 4)), np.full((1, 1), 1.0 - 1e-7)]])
+    B, C = np.vstack([arm.B, [[1e-6]]]), np.hstack([arm.C, [[1e-6], [0.0]]])
+    creeping = control.StateSpace(
+        A, B, C, 0.0, DT_S, inputs=arm.input_labels, outputs=arm.output_labels
+    )
+
+    found, plain = (design_regulator(each, (0,), 1.0) for each in (creeping, arm))
+
+    np.testing.assert_allclose(found.forward, plain.forward, rtol=1e-3)
+
+
+def test_design_servo___limit_that_hardly_moves_the_arm___is_told() -> None:
+    request = ServoRequest(("hub",), {"torque": 1e-9})
+    with pytest.raises(SettingError, match=r"a step would take .* s within .*say larger ones"):
+        design_servo([Source("arm", bending_arm())], request)
+
+
 @pytest.mark.parametrize("side", ["input", "output"])
 def test_design_servo___hidden_unstable_mode___is_refused_as_a_cancellation(side: str) -> None:
     B, C = ([[1.0], [0.0]], [[1.0, 1.0]]) if side == "input" else ([[1.0], [1.0]], [[1.0, 0.0]])
