@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy
 
 from flexarm_control.models.arm_model import delayed
 from flexarm_core.errors import SettingError
@@ -294,12 +293,11 @@ def _without_creep(A: FloatArray, slowest: float) -> FloatArray:
 
     `slowest` is the magnitude of the logarithm of an eigenvalue, in radians a sample.
     """
-    values, left, right = scipy.linalg.eig(A, left=True)
-    kept = np.eye(len(A), dtype=complex)
-    for i in np.flatnonzero(np.abs(values - 1.0) < slowest):
-        row = left[:, i].conj()
-        kept -= np.outer(right[:, i], row) / (row @ right[:, i])
-    return np.asarray(kept.real)
+    values, right = np.linalg.eig(A)
+    kept = np.where(np.abs(values - 1.0) < slowest, 0.0, 1.0)
+    if kept.all():
+        return np.eye(len(A))
+    return np.asarray(np.real(right * kept @ np.linalg.inv(right)))
 
 
 def _below(plant: control.StateSpace, corner_hz: float) -> FloatArray:

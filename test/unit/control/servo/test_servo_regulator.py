@@ -243,17 +243,16 @@ def test_choose_bandwidth___each_filter_alone___gives_no_larger_one(
 
 
 def test_forward___mode_that_creeps___changes_no_gain_of_a_move() -> None:
-    arm = loop_plant(bending_arm())
-    # Hours of time constant, hardly moved by the input and hardly seen: the cube of it was.
-    A = np.block([[arm.A, np.zeros((4, 1))], [np.zeros((1, 4)), np.full((1, 1), 1.0 - 1e-7)]])
-    B, C = np.vstack([arm.B, [[1e-6]]]), np.hstack([arm.C, [[1e-6], [0.0]]])
-    creeping = control.StateSpace(
-        A, B, C, 0.0, DT_S, inputs=arm.input_labels, outputs=arm.output_labels
+    # A lag, and beside it a time constant of hours that is hardly moved and hardly seen.
+    A, B, C = np.diag([0.99, 1.0 - 1e-7]), np.array([[1.0], [1e-4]]), np.array([[1.0, 1e-4]])
+    plants = (
+        control.StateSpace(A[:n, :n], B[:n], C[:, :n], 0.0, DT_S, inputs=["u"], outputs=["y"])
+        for n in (1, 2)
     )
 
-    found, plain = (design_regulator(each, (0,), 1.0) for each in (creeping, arm))
+    plain, creeping = (design_regulator(loop_plant(each), (0,), 1.0).forward for each in plants)
 
-    np.testing.assert_allclose(found.forward, plain.forward, rtol=1e-3)
+    np.testing.assert_allclose(creeping, plain, rtol=1e-4, atol=1e-9)
 
 
 def test_design_servo___limit_that_hardly_moves_the_arm___is_told() -> None:
