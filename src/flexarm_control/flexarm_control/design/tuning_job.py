@@ -248,7 +248,7 @@ def _tune_lqg(models: Models, request: TuneRequest) -> TuneResult:
 def _tune_regulator(
     law: str,
     design: Callable[[control.StateSpace, _WeightsT], IlqrDesign],
-    weights: _WeightsT,
+    start: _WeightsT,
     models: Models,
     request: TuneRequest,
     *,
@@ -256,10 +256,11 @@ def _tune_regulator(
 ) -> TuneResult:
     """Tune a regulator; `more` are the other parameters of the law that the result names."""
     wanted = request.requirements()
-    found = tune_regulator(list(models.values()), design, weights, wanted, delay_s=request.delay_s)
+    found = tune_regulator(list(models.values()), design, start, wanted, delay_s=request.delay_s)
     first = next(iter(models))
     name = parameter_name(first)
-    values = {"model": name, **asdict(found.weights), **more}
+    weights = {**asdict(found.weights), "states": list(found.weights.states)}
+    values = {"model": name, **weights, **more}
     modes = ", ".join(f"{mode_hz:.1f}" for mode_hz in found.modes_hz)
     return TuneResult(
         _prefixed(law, values) | model_parameters(name, models[first], provenance={}),

@@ -120,13 +120,18 @@ def _verdict(found: OutputModes) -> str:
     )
 
 
+def _moved(size: float, phase: float) -> str:
+    """Return an amplitude with its phase; what does not move has none."""
+    return f"{size:.2f} {round(phase)}\u00b0" if round(size, 2) else f"{size:.2f}"
+
+
 def _row(mode: OutputMode) -> tuple[str, ...]:
     shape = zip(np.abs(mode.shape), np.degrees(np.angle(mode.shape)), mode.share, strict=True)
     return (
         with_deviation(mode.frequency_hz, mode.frequency_std_hz),
         with_deviation(mode.damping_ratio, mode.damping_std),
         "line" if mode.is_line else "mode",
-        *(f"{size:.2f} {round(phase)}\u00b0, {share:.1%}" for size, phase, share in shape),
+        *(f"{_moved(size, phase)}, {share:.1%}" for size, phase, share in shape),
     )
 
 

@@ -152,7 +152,10 @@ def _of_first_law(result: TuneResult) -> str:
     """Return the parameters of the first law; those of others have the same values."""
     law = next(iter(result.parameters)).partition(".")[0] + "."
     values = {name: each for name, each in result.parameters.items() if name.startswith(law)}
-    return ", ".join(
-        f"{name} {each:.4g}" if isinstance(each, float) else f"{name} {each}"
-        for name, each in values.items()
-    )
+    return ", ".join(f"{name} {_text(each)}" for name, each in values.items())
+
+
+def _text(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_text, value))}]"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
