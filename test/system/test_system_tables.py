@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from array import array
 from dataclasses import fields
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -84,6 +85,7 @@ TYPES = {
     "int": ParameterType.PARAMETER_INTEGER,
     "double": ParameterType.PARAMETER_DOUBLE,
     "string": ParameterType.PARAMETER_STRING,
+    "double_array": ParameterType.PARAMETER_DOUBLE_ARRAY,
     "string_array": ParameterType.PARAMETER_STRING_ARRAY,
 }
 RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -136,6 +138,8 @@ def of_laws_and_references() -> Iterator[tuple[str, dict[str, Any]]]:
                     "live": True,
                     "validation": {"bounds<>": [meta["minimum"], meta["maximum"]]},
                 }
+                if isinstance(field.default, tuple):
+                    row |= {"type": "double_array", "default_value": array("d", field.default)}
                 yield f"{name}.{field.name}", row
 
 
