@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from array import array
 from dataclasses import fields
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -139,7 +138,7 @@ def of_laws_and_references() -> Iterator[tuple[str, dict[str, Any]]]:
                     "validation": {"bounds<>": [meta["minimum"], meta["maximum"]]},
                 }
                 if isinstance(field.default, tuple):
-                    row |= {"type": "double_array", "default_value": array("d", field.default)}
+                    row |= {"type": "double_array", "default_value": list(field.default)}
                 yield f"{name}.{field.name}", row
 
 
