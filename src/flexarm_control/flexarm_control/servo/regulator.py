@@ -291,7 +291,7 @@ def _forward(
 def _without_creep(A: FloatArray, slowest: float) -> FloatArray:
     """Return the projector, (states, states), on the modes of a transition that are not too slow.
 
-    `slowest` is the magnitude of the logarithm of an eigenvalue, in radians a sample.
+    `slowest` is the distance of an eigenvalue from 1, as small as radians a sample.
     """
     values, right = np.linalg.eig(A)
     kept = np.where(np.abs(values - 1.0) < slowest, 0.0, 1.0)
