@@ -241,10 +241,11 @@ def choose_bandwidth(
         When no bandwidth stabilises all plants.
     """
     highest_hz, reason = _highest(plants, tracked)
+    every = _all(plants)
     made: list[Choice] = []
     best, least_hz = None, highest_hz / _RANGE
     for through in FILTERS:
-        tries = _Tries(plants, tracked, limits, robustness, through)
+        tries = _Tries(every, tracked, limits, robustness, through)
         found = tries.fastest(highest_hz, least_hz)
         made += tries.made
         if found is None or (best is not None and found.regulator.bandwidth_hz <= least_hz):
@@ -265,13 +266,13 @@ class _Tries:
 
     def __init__(
         self,
-        plants: Mapping[str, control.StateSpace],
+        every: Mapping[str, control.StateSpace],
         tracked: Sequence[int],
         limits: FloatArray,
         robustness: float,
         through: Filter,
     ) -> None:
-        self._all = _all(plants)
+        self._all = every
         self._tracked, self._limits, self._robustness = tracked, limits, robustness
         self._through = through
         self.made: list[Choice] = []
@@ -368,7 +369,8 @@ def at_bandwidth(
     SettingError
         When it does not hold one of the plants.
     """
-    tries = [_Tries(plants, tracked, limits, 0.0, through) for through in FILTERS]
+    every = _all(plants)
+    tries = [_Tries(every, tracked, limits, 0.0, through) for through in FILTERS]
     made = [found for each in tries if (found := each.design(bandwidth_hz)) is not None]
     if not made:
         raise tries[0].error or SettingError("no stabilising design")
