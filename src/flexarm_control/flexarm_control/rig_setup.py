@@ -151,7 +151,7 @@ class RigSetup:
         """Outputs that the set-points mean, in their order."""
         return self.rig.tracks
 
-    @property
+    @cached_property
     def has_profile(self) -> bool:
         """Whether the reference is a built-in one or a trajectory."""
         return bool(self.setups) and self.setups[0].profile is not None
@@ -160,10 +160,14 @@ class RigSetup:
         """Return the set-points of the built-in references of the joints."""
         profiles = [each.profile for each in self.setups]
         values_v = [0.0 if each is None else each(time_s) for each in profiles]
-        if is_thesis_arm(self.rig):
+        if self._is_thesis_arm:
             return tuple(values_v)
         pairs = zip(self._ways, values_v, strict=True)
         return tuple(way.reference(value_v) for way, value_v in pairs)
+
+    @cached_property
+    def _is_thesis_arm(self) -> bool:
+        return is_thesis_arm(self.rig)
 
     @cached_property
     def _ways(self) -> tuple[JointWay, ...]:
@@ -171,7 +175,7 @@ class RigSetup:
 
     def told_memory(self, loop: Loop, references: tuple[float, ...]) -> Memory:
         """Return what a record tells of the loop: with its rig it needs all set-points."""
-        is_arm_law = self.servo is None and is_thesis_arm(self.rig)
+        is_arm_law = self.servo is None and self._is_thesis_arm
         return loop.memory() if is_arm_law else {**loop.memory(), REFERENCES: references}
 
     def place(self, joint: str) -> int | None:
@@ -203,7 +207,7 @@ class RigSetup:
         """Return the laws in a new loop."""
         if self.servo:
             return ServoLoop(self.rig, self.servo)
-        return ArmLoop(self.laws) if is_thesis_arm(self.rig) else JointLaws(self.rig, self.laws)
+        return ArmLoop(self.laws) if self._is_thesis_arm else JointLaws(self.rig, self.laws)
 
 
 def recorded_setup(parameters: Mapping[str, Any]) -> RigSetup:
