@@ -22,7 +22,7 @@ from flexarm_control import build_law
 from flexarm_control.laws.gains import CompensationLevel, TunedPdpGains
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.learning.following import FollowingLaw
-from flexarm_control.learning.repetition import best, learned, mended, without_model
+from flexarm_control.learning.repetition import best, improved, learned, without_model
 from flexarm_control.learning.trajectory import bending_hub, planned_trajectory
 from flexarm_control.planning.flat_arm import ArmFigures
 from flexarm_control.planning.move import MoveSettings
@@ -37,7 +37,7 @@ PAYLOADS_KG = (0.0, 0.2, 0.4)
 NOTHING, MODEL = "from nothing", "model, gain +20 %"
 REPETITIONS = 8
 _GAIN = 1.2
-_PAGE = Path(__file__).parents[2] / "docs" / "control.md"
+_PAGE = Path(__file__).parents[2] / "docs" / "moves.md"
 _LENGTH_S = 20.0
 _EARLY = 3
 _HEADS = (
@@ -82,7 +82,7 @@ class Learning:
 @count_option("--seeds", 3)
 @click.option("--law", type=click.Choice(("planned", "pdpc")), default="planned", show_default=True)
 @json_option
-@click.option("--docs", is_flag=True, help="Write the table of docs/control.md.")
+@click.option("--docs", is_flag=True, help="Write the table of docs/moves.md.")
 def main(*, seeds: int, law: str, json_file: Path | None, docs: bool) -> None:
     """Learn every reference with every payload, and print what is left of the first run."""
     grid = product((NOTHING, MODEL), references(), PAYLOADS_KG, (law,), range(seeds))
@@ -142,8 +142,8 @@ def learning(case: Case) -> Learning:
         rms_v.append((position_v, gauge_v))
         return made.y
 
-    mend = partial(mended, arm=arm, gains=gains, delay_s=0.5 / RATE_HZ)
-    done = learned(play, first, mend, repetitions=REPETITIONS)
+    improve = partial(improved, arm=arm, gains=gains, delay_s=0.5 / RATE_HZ)
+    done = learned(play, first, improve, repetitions=REPETITIONS)
     positions_v, gauges_v = zip(*rms_v, strict=True)
     return Learning(case, positions_v, gauges_v, best(done))
 

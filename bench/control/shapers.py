@@ -24,7 +24,7 @@ from reproduction.framework.rig import RATE_HZ, STEP_S, step_to
 
 PAYLOADS_KG, SETPOINTS_V = (0.0, 0.2, 0.4), (1.0, 3.0, 5.0)
 SETTLED_S = 3.0
-_PAGE = Path(__file__).parents[2] / "docs" / "control.md"
+_PAGE = Path(__file__).parents[2] / "docs" / "moves.md"
 _LAWS = ("pdpc_plus",)
 _HEADS = ("law", "shaper", "settling s, mean, worst", "overshoot", "gauge peak", "gauge 3-10 s")
 
@@ -48,7 +48,7 @@ class ShapedStep:
 @count_option("--seeds", 3)
 @click.option("--law", "laws", multiple=True, type=click.Choice(tuple(LAWS)), default=_LAWS)
 @json_option
-@click.option("--docs", is_flag=True, help="Write the table of docs/control.md.")
+@click.option("--docs", is_flag=True, help="Write the table of docs/moves.md.")
 def main(*, seeds: int, laws: tuple[str, ...], json_file: Path | None, docs: bool) -> None:
     """Step with every shaper, and print what it costs beside no shaper."""
     cases = list(product(laws, (NONE, *SHAPERS), PAYLOADS_KG, SETPOINTS_V, range(seeds)))

@@ -30,7 +30,7 @@ from support.browser import CHROMIUM, Browser
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-_PAGE = Path(__file__).parents[2] / "docs" / "live.md"
+_PAGE = Path(__file__).parents[2] / "docs" / "performance.md"
 _PARTS = (LOOP, SLOW, DRAWING, STOP, VERBS)
 
 
@@ -69,7 +69,7 @@ _QUICK = Extent(rounds=1, window_s=3.0, slow_s=25.0, drawing_s=5.0, times=3)
 )  # fmt: skip
 @click.option("--quick", is_flag=True, help="A short form of two minutes.")
 @json_option
-@click.option("--docs", is_flag=True, help="Write the table of docs/live.md.")
+@click.option("--docs", is_flag=True, help="Write the table of docs/performance.md.")
 def main(
     *, parts: tuple[str, ...], rate_hz: float, quick: bool, json_file: Path | None, docs: bool
 ) -> None:

@@ -31,7 +31,7 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 ANY = st.floats()
 VOLTS = st.floats(-10.0, 10.0)
 WITH_REST = {"lqg", "pdpc_plus", "planned"}
-"""Laws whose compensation is no switch of one level: at the set-point they help the bent arm."""
+"""Laws whose compensation is not a switch of one level: at the set-point they help the bent arm."""
 
 
 def _values(table: dict[str, object], names: st.SearchStrategy[str]) -> st.SearchStrategy[object]:
@@ -49,7 +49,7 @@ def _values(table: dict[str, object], names: st.SearchStrategy[str]) -> st.Searc
 
 
 def built(name: str, values: dict[str, float]) -> LawWithMemory:
-    """Return a law; one that refuses its values, in a clear error, is no example."""
+    """Return a law; one that refuses its values, in a clear error, is not an example."""
     try:
         return build_law(name, values)
     except SettingError:

@@ -130,7 +130,7 @@ def _resolved(name: str, known: set[str]) -> str:
 def folder_arrows(modules: tuple[Module, ...]) -> Arrows:
     """Return for each folder the other folders that its modules import from.
 
-    The front of a package gathers its public names from all rooms, so it is no part of its folder.
+    The front of a package gathers its public names from all rooms, so it is not part of its folder.
     """
     folder = {module.name: module.folder for module in modules if not module.is_init}
     arrows: dict[str, set[str]] = defaultdict(set)

@@ -41,7 +41,7 @@ class VirtualClock:
 
 
 class PatientClock(VirtualClock):
-    """Such a clock that is no faster than the machine's: the arm waits while the machine stalls."""
+    """Such a clock, not faster than the machine's: the arm waits while the machine stalls."""
 
     def sleep(self, seconds: float) -> None:
         """Let time pass."""

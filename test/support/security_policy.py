@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 POLICY = PROJECT / "src/flexarm_bringup/config/sros2/flexarm.policy.xml"
 _HEAD = """\
 <?xml version="1.0" encoding="UTF-8"?>
-<!-- What each node of an arm may do, in an enclave of its own; docs/safety.md says how to use it.
+<!-- What each node of an arm may do, in an enclave of its own; docs/security.md says how to use it.
      Made of a running graph by test/support/security_policy.py. -->
 """
 _VERSION = "0.2.0"

@@ -138,7 +138,7 @@ def test_stop_of_every_arm___without_any___says_so(graph: Graph) -> None:
 def test_namespace_that_is_none___is_refused(name: str) -> None:
     done = CliRunner().invoke(main, ["stop", "--namespace", name])
     assert done.exit_code == 2
-    assert f"{name!r} is no namespace, such as arm2 or lab/arm2" in done.output
+    assert f"{name!r} is not a namespace, such as arm2 or lab/arm2" in done.output
 
 
 def test_second_up___with_a_namespace_of_its_own___runs_beside_the_first(graph: Graph) -> None:

@@ -45,7 +45,7 @@ def test_sensor_fault_in_an_experiment___ends_it_with_the_reason_and_keeps_the_r
     told = re.fullmatch(
         # A busy machine may have held the loop up before, which is told first.
         rf"flexarm: daq: (?:.*: )?the drive is held at zero: middle_strain_v "
-        rf"{reason}.*, after (\S+) s of the run; mend the cause and run again \(docs/safety.md\)",
+        rf"{reason}.*, after (\S+) s of the run; fix the cause and run again \(docs/safety.md\)",
         last,
     )
     assert told is not None, last

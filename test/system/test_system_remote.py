@@ -126,5 +126,5 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
         assert said.endswith(reason)
     code, said = flexarm("reference", "far")
     assert code == 2
-    assert "'far' is no number" in said
+    assert "'far' is not a number" in said
     assert all(unit in said for unit in ("V", "mV", "deg", "rad"))

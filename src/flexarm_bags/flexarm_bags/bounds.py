@@ -71,7 +71,7 @@ def bounded(path: Path, *, unpacks: bool = False) -> Iterator[Path]:
     BagError
         If there is no bag, or a compressed file is damaged.
     BoundError
-        If a file is no plain one, or unpacking it would take more than is allowed.
+        If a file is not a plain one, or unpacking it would take more than is allowed.
     """
     require_bag(path)
     with ExitStack() as stack:
@@ -139,7 +139,7 @@ def require_bounded_file(file: Path, *, unpacks: bool = False) -> None:
     Raises
     ------
     BoundError
-        If the file is no plain one or its chunks would take too much.
+        If the file is not a plain one or its chunks would take too much.
     """
     allowed = unpacked_bytes_allowed(require_plain_file(file))
     if file.suffix == ".mcap" and file.stat().st_size:

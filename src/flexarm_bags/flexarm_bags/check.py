@@ -107,7 +107,7 @@ class _Check:
         self._content.judge()
         total = self._content.total
         if not total and not self._problems:
-            self._problems.append("holds no message")
+            self._problems.append("has no message")
         samples = self._content.samples
         problems, notes = tuple(self._problems), tuple(self._notes)
         return BagCheck(self._path, total, samples, problems, notes, self._is_cut)

@@ -166,7 +166,7 @@ class ContentCheck:
             seconds = columns["header.stamp.sec"].astype(np.int64)
             nanoseconds = columns["header.stamp.nanosec"].astype(np.int64)
             if np.any(nanoseconds >= 10**9) or np.any(seconds < 0):
-                self._complain(found.topic, "stamp", "a stamp is no time since the epoch")
+                self._complain(found.topic, "stamp", "a stamp is not a time since the epoch")
             topic.numbers.append(columns["sequence"].astype(np.int64))
             topic.stamps_ns.append(seconds * 10**9 + nanoseconds)
             topic.log_times_ns.append(messages.log_times_ns)

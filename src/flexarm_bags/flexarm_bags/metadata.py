@@ -189,7 +189,7 @@ def parts_of(path: Path) -> list[Path]:
 
 
 def require_bag(path: Path) -> None:
-    """Raise a BagError for a path that is no bag, before any parser wonders about its bytes."""
+    """Raise a BagError for a path that is not a bag, before any parser wonders about its bytes."""
     if not path.exists():
         raise BagError(f"{path}: no such bag")
     if path.is_dir():
@@ -238,7 +238,7 @@ def read_information(bag: Path) -> dict[str, Any]:
         raise BagError(f"{FILE_NAME}: cannot be read: it has no {_KEY}{repair_advice(bag)}")
     names = information.get("relative_file_paths")
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
-        raise BagError(f"{FILE_NAME}: cannot be read: relative_file_paths is no list of names")
+        raise BagError(f"{FILE_NAME}: cannot be read: relative_file_paths is not a list of names")
     return information
 
 
@@ -264,7 +264,7 @@ def stated_content(bag: Path) -> StatedContent:
             ),
         )
     except (LookupError, TypeError, ValueError) as error:
-        raise BagError(f"{bag}: {FILE_NAME} does not tell its messages: {error!r}") from error
+        raise BagError(f"{bag}: {FILE_NAME} does not describe its messages: {error!r}") from error
 
 
 def bag_information(

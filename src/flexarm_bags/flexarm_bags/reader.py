@@ -214,13 +214,13 @@ class Bag:
         Raises
         ------
         BagError
-            If the topic asked for holds no samples, or more than one topic does.
+            If the topic asked for has no samples, or more than one topic does.
         """
         types = self.types
         if topic is not None:
             if types.get(topic) not in {ARM_STATE, IO_SAMPLE}:
                 listed = ", ".join(f"{name} ({types[name]})" for name in sorted(types)) or "none"
-                raise BagError(f"{self.path}: {topic} holds no samples; topics: {listed}")
+                raise BagError(f"{self.path}: {topic} has no samples; topics: {listed}")
             return topic
         for wanted in (ARM_STATE, IO_SAMPLE):
             found = sorted(name for name, type_name in types.items() if type_name == wanted)

@@ -106,7 +106,7 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
     for file in files:
         topics = {**file.survey(), **topics}
     if not topics:
-        raise RecordingError(f"{damaged}: holds no whole message, nothing to repair")
+        raise RecordingError(f"{damaged}: has no whole message, nothing to repair")
     with whole_bag(repaired, list(topics.values())) as bag:
         for file in files:
             for topic, message in file.messages(topics):

@@ -74,7 +74,7 @@ def load_typestore(packages: Mapping[str, Path]) -> Typestore:
     Raises
     ------
     DefinitionError
-        If a folder holds no ``.msg`` file or a file is not a valid definition.
+        If a folder has no ``.msg`` file or a file is not a valid definition.
     """
     typestore = get_typestore(Stores.ROS2_JAZZY)
     for package, folder in packages.items():

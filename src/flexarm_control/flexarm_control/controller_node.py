@@ -283,8 +283,8 @@ class ControllerNode(AnsweringNode):
             response.message = f"reference refused: {self._setup.unknown(request.joint)}"
         elif self._references is None and len(known) > 1:
             response.message = (
-                "reference refused: no sample has told yet where the other joints are to stay: "
-                "sample, and give it again"
+                "reference refused: the positions of the other joints are not known "
+                "yet: start sampling, and send it again"
             )
         else:
             wanted = (*known[:place], request.reference_v, *known[place + 1 :])

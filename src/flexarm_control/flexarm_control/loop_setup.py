@@ -187,12 +187,12 @@ def parameters_in(text: str) -> dict[str, Any]:
     Raises
     ------
     SettingError
-        When the text is no JSON, or a parameter is unknown, out of range or of another type.
+        When the text is not JSON, or a parameter is unknown, out of range or of another type.
     """
     try:
         values = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise SettingError(f"the parameters of the law are no JSON: {error}") from error
+        raise SettingError(f"the parameters of the law are not JSON: {error}") from error
     if not isinstance(values, dict) or not {"law", "reference"} <= values.keys():
         raise SettingError("the parameters of the law are without law or reference")
     for name, value in values.items():

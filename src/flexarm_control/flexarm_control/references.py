@@ -208,7 +208,7 @@ REFERENCES: Mapping[str, ReferenceSpec] = MappingProxyType(
         "varying_square": ReferenceSpec(
             "square wave with random half-periods (C_dat3)", VaryingSquare
         ),
-        "multisine": ReferenceSpec("multisine of a band, behind a soft law", Multisine),
+        "multisine": ReferenceSpec("multisine of a band, with a soft controller", Multisine),
     }
 )
 

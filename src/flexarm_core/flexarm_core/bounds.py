@@ -45,11 +45,11 @@ _Loader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class BoundError(FlexarmError):
-    """Reading a file would take more memory or time than is allowed, or it is no plain file."""
+    """Reading a file would take more memory or time than is allowed, or it is not a plain file."""
 
 
 class YamlError(FlexarmError):
-    """A text is no YAML, or too much of it.
+    """A text is not YAML, or too much of it.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ def read_bytes_allowed() -> int:
     Raises
     ------
     SettingError
-        If the environment variable holds no number of megabytes.
+        If the environment variable has no number of megabytes.
     """
     text = os.environ.get(READ_VARIABLE, str(_READ_MB))
     if not (text.isdecimal() and 1 <= int(text[:9]) <= _MOST_READ_MB):
@@ -115,7 +115,9 @@ def require_plain_file(path: Path) -> int:
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(status.st_mode):
-        raise BoundError(f"{path}: is no plain file (a pipe, socket or device): copy it into one")
+        raise BoundError(
+            f"{path}: is not a plain file (a pipe, socket or device): copy it into one"
+        )
     if status.st_size > read_bytes_allowed():
         holes = _hole_bytes(path)
         if holes > read_bytes_allowed():
@@ -147,7 +149,7 @@ def read_text_bytes(path: Path, most: int = TEXT_BYTES) -> bytes:
     Raises
     ------
     BoundError
-        If it is no plain file, or longer than `most` bytes.
+        If it is not a plain file, or longer than `most` bytes.
     OSError
         If it cannot be read.
     """
@@ -165,7 +167,7 @@ def yaml_content(text: str) -> object:
     Raises
     ------
     YamlError
-        If it is no YAML, or has more values, depth or digits than `VALUES`, `DEPTH`, `DIGITS`.
+        If it is not YAML, or has more values, depth or digits than `VALUES`, `DEPTH`, `DIGITS`.
     """
     try:
         _require_small(text)

@@ -1,4 +1,4 @@
-"""Errors that a user can mend: one base class, one line of text each."""
+"""Errors that a user can fix: one base class, one line of text each."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def one_line(error: BaseException) -> str:
 def reason(error: BaseException) -> str:
     """Return why a file cannot be read or written, in plain words without number and path."""
     if isinstance(error, UnicodeDecodeError):
-        return "it is no text in UTF-8"
+        return "it is not text in UTF-8"
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
         return f"{error.strerror}: free some, or write elsewhere"
     return str(getattr(error, "strerror", None) or one_line(error))

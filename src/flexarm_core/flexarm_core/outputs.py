@@ -91,7 +91,7 @@ def require_folder(folder: Path, option: str) -> None:
         with tempfile.TemporaryFile(dir=there):
             pass
     except OSError as error:
-        why = reason(error) if there.is_dir() else "it is no folder"
+        why = reason(error) if there.is_dir() else "it is not a folder"
         what = "" if there == folder else f" in {there}"
         raise OutputError(
             f"{folder}: cannot be written{what}: {why}; name another folder with {option}"

@@ -28,7 +28,7 @@ def own_module(path: Path, named: str) -> ModuleType:
     Raises
     ------
     SettingError
-        If it cannot be read, is no Python file, or raises.
+        If it cannot be read, is not a Python file, or raises.
     """
     if not path.is_file():
         raise SettingError(f"{named}: {path}: no such file")

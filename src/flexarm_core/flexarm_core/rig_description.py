@@ -363,7 +363,7 @@ def described(text: str, file: str = "rig.yaml") -> RigDescription:
     for each in outputs:
         if each.name in free and not math.isfinite(each.high - each.low):
             top.refuse(
-                f"tracked: {each.name} is no joint's angle and needs a range for its set-points",
+                f"tracked: {each.name} is not a joint's angle and needs a range for its set-points",
                 "tracked",
             )
     rig = RigDescription(

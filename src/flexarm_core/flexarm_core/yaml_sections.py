@@ -247,7 +247,7 @@ def sections_of(text: str, file: str) -> Section:
     Raises
     ------
     RigFileError
-        Where it is no YAML, or no mapping.
+        Where it is not YAML, or not a mapping.
     """
     try:
         content = yaml_content(text)

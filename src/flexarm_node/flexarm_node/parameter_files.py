@@ -61,7 +61,7 @@ def wrong_words(arguments: Sequence[str]) -> str:
 
 
 def unreadable(file: Path) -> str:
-    """Return why a file holds no parameters of nodes; empty when it does, or is empty."""
+    """Return why a file has no parameters of nodes; empty when it does, or is empty."""
     try:
         content = yaml_content(read_text_bytes(file).decode("utf-8"))
     except (OSError, UnicodeDecodeError, YamlError) as error:

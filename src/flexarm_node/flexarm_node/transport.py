@@ -153,7 +153,7 @@ def require_security(environment: Mapping[str, str], maps: str) -> None:
     if any(_NO_SECURITY in Path(library).read_bytes() for library in libraries):
         raise SettingError(
             f"{_SECURITY}=true: the ROS 2 of these Python packages is built without SROS2; "
-            "use a ROS 2 installation, or unset it and see who may drive in docs/safety.md"
+            "use a ROS 2 installation, or unset it and see who may drive in docs/security.md"
         )
 
 

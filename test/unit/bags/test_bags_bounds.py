@@ -143,10 +143,10 @@ def test_pipe_or_device___is_refused_unread(
         write_bag(bag, controlled_run(5))
         file.unlink()
     os.mkfifo(file)
-    assert "is no plain file (a pipe, socket or device)" in refusal(bag, way)
+    assert "is not a plain file (a pipe, socket or device)" in refusal(bag, way)
     file.unlink()
     file.symlink_to("/dev/zero")
-    assert "is no plain file (a pipe, socket or device)" in refusal(bag, way)
+    assert "is not a plain file (a pipe, socket or device)" in refusal(bag, way)
 
 
 @pytest.mark.parametrize("way", WAYS)

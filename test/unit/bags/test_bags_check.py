@@ -153,7 +153,7 @@ def test_check___stamp_that_is_no_time___is_named(tmp_path: Path) -> None:
     state = arm_state(1, START_NS)
     raw = state.raw[:8] + (10**9).to_bytes(4, "little") + state.raw[12:]
     found = problems(write_bag(tmp_path / "run", [state._replace(raw=raw)]))
-    assert "/flexarm/state: a stamp is no time since the epoch" in found
+    assert "/flexarm/state: a stamp is not a time since the epoch" in found
 
 
 def test_check___value_that_is_not_finite___is_named(tmp_path: Path) -> None:
@@ -213,7 +213,7 @@ def test_check___arrays_and_strings___are_read_too(tmp_path: Path) -> None:
 
 def test_check___bag_without_messages___says_so(tmp_path: Path) -> None:
     BagWriter(tmp_path / "run", recorded_topics([reference(START_NS, 0.0)])).close()
-    assert problems(tmp_path / "run") == ("holds no message",)
+    assert problems(tmp_path / "run") == ("has no message",)
 
 
 def test_check___no_bag___is_an_error(tmp_path: Path) -> None:

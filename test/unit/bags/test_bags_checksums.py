@@ -171,7 +171,7 @@ def test_summary___of_most_of_a_large_file___is_refused(
         summary_of(BytesIO(bytes(size - len(end)) + end))
     except (ValueError, BoundError) as error:
         said = str(error)
-    assert (said == "a summary of 2 of 4 MB is no summary") is is_refused
+    assert (said == "a summary of 2 of 4 MB is not a summary") is is_refused
 
 
 def chunk(data: bytes, size: int, checksum: int) -> records.Chunk:

@@ -61,7 +61,7 @@ def test_plain_chunk_cut_anywhere___its_whole_messages_are_saved(
     (folder / "run.mcap").write_bytes(plain[:size])
     whole = sum(end <= size for end in ends_of(plain, MESSAGES))
     if whole == 0:
-        with pytest.raises(RecordingError, match="holds no whole message"):
+        with pytest.raises(RecordingError, match="has no whole message"):
             repair_bag(folder / "run.mcap", folder / "copy")
         return
     summary = repair_bag(folder / "run.mcap", folder / "copy")
@@ -92,5 +92,5 @@ def test_length_that_is_wrong___makes_no_cut_chunk(plain: bytes, tmp_path: Path)
     raw = bytearray(plain[:-1])
     raw[start + 4] ^= 0x40
     (tmp_path / "run.mcap").write_bytes(raw)
-    with pytest.raises(RecordingError, match="holds no whole message"):
+    with pytest.raises(RecordingError, match="has no whole message"):
         repair_bag(tmp_path / "run.mcap", tmp_path / "copy")

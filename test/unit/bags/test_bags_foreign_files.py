@@ -268,6 +268,6 @@ def test_messages___compressed_without_their_metadata___are_named_with_the_way_o
     bag = write_foreign_bag(tmp_path / "run", messages, storage, CompressionMode.MESSAGE)
     (bag / "metadata.yaml").unlink()
     for path in (bag, *bag.iterdir()):
-        expected = "messages are compressed, which metadata.yaml tells: read its folder"
+        expected = "messages are compressed, as metadata.yaml says: read its folder"
         with opened(path) as found, pytest.raises(BagError, match=expected):
             found.recorded("/flexarm/state")

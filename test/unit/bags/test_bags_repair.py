@@ -89,7 +89,7 @@ def test_file_cut_anywhere___every_whole_chunk_is_saved(
     whole = recording.whole_at(size)
 
     if whole == 0:
-        with pytest.raises(RecordingError, match="run: holds no whole message"):
+        with pytest.raises(RecordingError, match="run: has no whole message"):
             repair_bag(damaged, folder / "copy")
         assert not (folder / "copy").exists()
     else:
@@ -250,14 +250,14 @@ def test_split_bag___damage_in_one_file_spares_the_other(
 def test_bag_without_messages___has_nothing_to_repair(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "run", recorded_topics([reference(START_NS, 0.0)])):
         pass
-    with pytest.raises(RecordingError, match="run: holds no whole message"):
+    with pytest.raises(RecordingError, match="run: has no whole message"):
         repair_bag(tmp_path / "run", tmp_path / "copy")
 
 
 def test_text_in_place_of_a_bag___has_nothing_to_repair(tmp_path: Path) -> None:
     file = tmp_path / "notes.mcap"
     file.write_text("no bag at all, but long enough to be one")
-    with pytest.raises(RecordingError, match=r"notes\.mcap: holds no whole message"):
+    with pytest.raises(RecordingError, match=r"notes\.mcap: has no whole message"):
         repair_bag(file, tmp_path / "copy")
 
 

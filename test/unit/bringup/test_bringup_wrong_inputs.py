@@ -62,7 +62,7 @@ WRONG = {
     "identify two.csv --input u --output y": ("flexarm: two.csv: 2 samples are too few",),
     "identify two.csv --input u --output ''": ("no column ''; there are: t, u, y",),
     "identify sheet.xlsx --input u --output y": ("sheet.xlsx is a spreadsheet: save it as CSV",),
-    "identify two.csv --map latin.yaml": ("latin.yaml: cannot be read: it is no text in UTF-8",),
+    "identify two.csv --map latin.yaml": ("latin.yaml: cannot be read: it is not text in UTF-8",),
     "identify loop": ("loop: no such bag",),
     "identify nothing": (
         "nothing: metadata.yaml: cannot be read: it has no rosbag2_bagfile_information",
@@ -73,7 +73,7 @@ WRONG = {
     "tune model": ("model: is the folder of a model: name model/model.yaml",),
     "identify BAG OTHER": ("inputs current1_a, current2_a differ from command_v of",),
     "identify OTHER --input drive --output y": (
-        "'drive' is no TOPIC.FIELD",
+        "'drive' is not a TOPIC.FIELD",
         " (flexarm_msgs/msg/IoSample): ",
         "without --input and --output it is read as current1_a, current2_a -> ",
     ),
@@ -84,7 +84,7 @@ WRONG = {
     "identify BAG --method magic": ("'magic'", "one of auto, orse"),
     "identify BAG --reduce-to 3": ("No such option '--reduce-to'", "'--reduced-order'"),
     "identify BAG --input nope.data": ("no output was named", "a record needs"),
-    "identify BAG --input u --output y": ("'u' is no TOPIC.FIELD", "such as"),
+    "identify BAG --input u --output y": ("'u' is not a TOPIC.FIELD", "such as"),
     "identify BAG --train-fraction 2": ("2.0 is not in the range 0.0<x<=1.0",),
     "identify BAG -o /proc/x": ("/proc/x/model.yaml: cannot be written",),
     "report model": ("model is a model: name a bag beside it, to try it on",),
@@ -101,7 +101,10 @@ WRONG = {
     "learn --reference semi.csv --law pd": ("'pd' is not one of 'planned', 'pdpc'",),
     "experiment": ("Missing argument 'NAMES...'",),
     "experiment C_dat3 -o /proc/x": ("/proc/x: cannot be written in /proc", "folder with -o"),
-    "experiment C_dat3 -o /dev/full": ("/dev/full: cannot be written: it is no folder", "with -o"),
+    "experiment C_dat3 -o /dev/full": (
+        "/dev/full: cannot be written: it is not a folder",
+        "with -o",
+    ),
     "experiment C_dat3 --params-file broken.yaml -o out": ("broken.yaml: no YAML: line ",),
     "experiment C_dat3 --params-file maps.yaml -o out": (
         "maps.yaml: has parameters of no node",
@@ -111,7 +114,7 @@ WRONG = {
     "experiment NOPE": ("no experiment 'NOPE'", "C_dat1 to C_dat14"),
     "experiment C_dat3 --payload -5": ("-5 kg is not in the range 0 to 1 kg",),
     "experiment C_dat3 --payload 200lb": ("'200lb' has a unit", "use kg, g"),
-    "experiment C_dat3 --payload heavy": ("'heavy' is no number", "write one in kg"),
+    "experiment C_dat3 --payload heavy": ("'heavy' is not a number", "write one in kg"),
     "up --rate 0": ("0 Hz is not in the range 10 to 2000 Hz",),
     "reference": ("Missing argument 'SET_POINT'",),
     "set payload_kg=0.2": ("the node of payload_kg=0.2 is missing", "flexarm set daq"),

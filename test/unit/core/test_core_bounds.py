@@ -72,7 +72,7 @@ def test_text___pipe_and_device___are_refused_unread(tmp_path: Path) -> None:
     link = tmp_path / "zero.yaml"
     link.symlink_to("/dev/zero")
     for path in (pipe, link):
-        with pytest.raises(BoundError, match="is no plain file"):
+        with pytest.raises(BoundError, match="is not a plain file"):
             read_text_bytes(path)
 
 
@@ -133,7 +133,7 @@ def test_error_of_the_system___is_told_without_its_number(tmp_path: Path) -> Non
     assert reason(ValueError("no\nnumber")) == "no number"
     with pytest.raises(UnicodeDecodeError) as wrong:
         b"\xb0".decode()
-    assert reason(wrong.value) == "it is no text in UTF-8"
+    assert reason(wrong.value) == "it is not text in UTF-8"
 
 
 @pytest.mark.parametrize(("beyond", "refused"), [(0, False), (4096, True)])

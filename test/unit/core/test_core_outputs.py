@@ -95,7 +95,9 @@ def test_folder___that_cannot_be_written___is_named_with_its_option(tmp_path: Pa
     require_folder(tmp_path / "a" / "b", "-o")
     assert names_in(tmp_path) == set()
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match=r"file: cannot be written: it is no folder; .* with -o"):
+    with pytest.raises(
+        OutputError, match=r"file: cannot be written: it is not a folder; .* with -o"
+    ):
         require_folder(tmp_path / "file", "-o")
-    with pytest.raises(OutputError, match=r"b: cannot be written in .*file: it is no folder"):
+    with pytest.raises(OutputError, match=r"b: cannot be written in .*file: it is not a folder"):
         require_folder(tmp_path / "file" / "b", "-o")

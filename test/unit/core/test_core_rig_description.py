@@ -157,7 +157,7 @@ BAD = {
     "tracked = 'base' is not known": ("tracked: [elbow_rad]", "tracked: [base]", 17),
     "tracked must be a list of names, each once": ("[elbow_rad]", "[elbow_rad, elbow_rad]", 17),
     "reference_tip: names with reference_ or compensation_": ("  tip:", "  reference_tip:", 6),
-    "tracked: elbow_rpm is no joint's angle and needs a range": (
+    "tracked: elbow_rpm is not a joint's angle and needs a range": (
         "[elbow_rad]",
         "[elbow_rad, elbow_rpm]",
         17,

@@ -107,7 +107,7 @@ def test_complaint___names_a_section_that_was_meant_for_the_node(
         ("/**/daq:\n  ros__parameters:\n    a: [1\nb: 2", "no YAML: line 3: did not find expected"),
         ("rate_hz: 500", "has parameters of no node: write them below the node's name, /**/daq"),
         ("- 1", "has parameters of no node"),
-        ("\xff", "it is no text in UTF-8"),
+        ("\xff", "it is not text in UTF-8"),
     ],
 )
 def test_unreadable___file_of_parameters___tells_what_is_wrong_and_where(

@@ -206,7 +206,7 @@ def _alike(
 def _decode_alike(rows: ByteRows, layout: Sequence[Member]) -> dict[str, Column]:
     """Decode rows in which every text and sequence has one length."""
     if bytes(rows[0, : len(_ZSTD)]) == _ZSTD:
-        raise CdrError("the messages are compressed, which metadata.yaml tells: read its folder")
+        raise CdrError("the messages are compressed, as metadata.yaml says: read its folder")
     if rows.shape[1] < ENCAPSULATION or not np.all(rows[:, :2] == (0, 1)):
         raise CdrError("a message is not little-endian CDR")
     cursor = _Cursor(rows[:, ENCAPSULATION:])

@@ -155,7 +155,7 @@ class _Content(BytesIO):
     """Content of a record, which ends there whatever length one of its parts states."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Return the next bytes; a length of 2^63 or more is no error, as for BytesIO."""
+        """Return the next bytes; a length of 2^63 or more is not an error, as for BytesIO."""
         return super().read(-1 if size is None else min(size, self.getbuffer().nbytes))
 
 
@@ -182,7 +182,7 @@ def mapped(stream: BinaryIO) -> Iterator[mmap]:
     try:
         yield data
     finally:
-        # A view that waits for the collector of garbage is no error.
+        # A view that waits for the collector of garbage is not an error.
         with suppress(BufferError):
             data.close()
 
@@ -208,7 +208,7 @@ def summary_of(stream: BinaryIO) -> list[records.McapRecord]:
     if not start:
         return []
     if size - start > _SUMMARY_BYTES + size // _SUMMARY_PART:
-        raise BoundError(f"a summary of {size - start >> 20} of {size >> 20} MB is no summary")
+        raise BoundError(f"a summary of {size - start >> 20} of {size >> 20} MB is not a summary")
     stream.seek(start)
     raw = stream.read()[: -len(MAGIC)]
     # The checksum covers everything from the summary on, up to itself.

@@ -45,7 +45,7 @@ def completed(verb: str, given: Sequence[str], start: str) -> list[CompletionIte
     if words is None:
         return None
     found = [CompletionItem(word) for word in words(given, start) if word.startswith(start)]
-    # What is no bag yet, such as a folder of them, is left to the shell.
+    # What is not a bag yet, such as a folder of them, is left to the shell.
     return found or [CompletionItem(start, type="file")]
 
 

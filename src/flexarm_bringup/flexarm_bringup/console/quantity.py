@@ -61,7 +61,7 @@ class Quantity(FiniteRange):
         except ValueError:
             first, *others = self.units
             self.fail(
-                f"{value!r} is no number: write one in {first}, or with its unit "
+                f"{value!r} is not a number: write one in {first}, or with its unit "
                 f"({', '.join([first, *others])}).",
                 param,
                 ctx,

@@ -251,7 +251,7 @@ def friction_table(parameters: Mapping[str, Any]) -> Table:
         names = parameters[prefix.removesuffix("friction_") + "input_names"]
         columns = [
             [
-                # An effect that was not taken is no zero that was measured.
+                # An effect that was not taken is not a zero that was measured.
                 with_deviation(value, deviation) if value or deviation else "-"
                 for value, deviation in zip(
                     parameters[prefix + field], parameters[f"{prefix}{field}_std"], strict=True

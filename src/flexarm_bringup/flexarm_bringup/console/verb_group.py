@@ -41,7 +41,7 @@ FORCE = click.option("--force", is_flag=True, help="Replace files that flexarm d
 
 
 class VerbGroup(click.Group):
-    """Group that turns an error a user can mend into one line, and Ctrl-C into exit code 130."""
+    """Group that turns an error a user can fix into one line, and Ctrl-C into exit code 130."""
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - as click has it
         """Run the verb."""
@@ -64,7 +64,7 @@ class VerbGroup(click.Group):
                 "./flexarm of a checkout, which brings it (Linux on x86-64), or source an "
                 "installation of ROS 2",
             )
-        # A reader that has read enough is no error: click ends the program without a word.
+        # A reader that has read enough is not an error: click ends the program without a word.
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
         # Libraries raise errors of their own, such as rclpy for a wrong ROS_DOMAIN_ID.

@@ -90,7 +90,7 @@ def running_graph(
     Raises
     ------
     LaunchError
-        When another graph of this arm runs in this domain, a file holds no parameters, or a node
+        When another graph of this arm runs in this domain, a file has no parameters, or a node
         does not start.
     """
     known = {f"{namespace.rstrip('/')}/{name}" for name in NODE_NAMES}

@@ -47,15 +47,15 @@ def node_arguments(words: Sequence[str]) -> Arguments:
     Raises
     ------
     SettingError
-        When a word is no parameter of one of the nodes.
+        When a word is not a parameter of one of the nodes.
     """
     arguments: Arguments = {name: [] for name in LOOP}
     for word in own_words(words):
         name, _, assignment = word.partition(".")
         if name not in arguments or ":=" not in assignment:
             raise SettingError(
-                f"{word!r} is no parameter, such as daq.rate_hz:=1000.0: outside of {BEGIN} each "
-                f"names its node, {' or '.join(LOOP)}, and has no -p"
+                f"{word!r} is not a parameter, such as daq.rate_hz:=1000.0: outside of {BEGIN} "
+                f"each names its node, {' or '.join(LOOP)}, and has no -p"
             )
         arguments[name] += [BEGIN, "-p", assignment] if not arguments[name] else ["-p", assignment]
     return arguments

@@ -47,7 +47,7 @@ class HeldDriveError(LaunchError):
     """
 
     def __init__(self, trouble: str) -> None:
-        super().__init__(f"{trouble}; mend the cause and run again (docs/safety.md)")
+        super().__init__(f"{trouble}; fix the cause and run again (docs/safety.md)")
 
 
 @dataclass(frozen=True)

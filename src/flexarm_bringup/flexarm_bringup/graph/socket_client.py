@@ -164,4 +164,4 @@ def _require(node: str, known: Collection[str]) -> None:
         return
     for near in get_close_matches(node, known, n=1):
         raise LaunchError(f"no node {node} (nearest: {near})")
-    raise NoAnswerError(f"{node} is no node of `up`")
+    raise NoAnswerError(f"{node} is not a node of `up`")

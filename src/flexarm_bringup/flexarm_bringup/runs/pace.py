@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _OFF_RATE = (
     "the record's times are wrong, and frequencies that are identified from it "
-    "(docs/howto/own_rig.md tells who paces a rig)"
+    "(docs/howto/own_rig.md says who paces a rig)"
 )
 
 

@@ -105,7 +105,7 @@ class Follower:
         self._command(released)
 
     def move_by(self, degrees: float) -> None:
-        """Move the first set-point, degrees; of one that is no angle as many per cent of it."""
+        """Move the first set-point, degrees; of one that is not an angle as many per cent of it."""
         is_ours = time.monotonic() - self._moved_s < _OWN_WORD_S
         here_v = self._moved_v if is_ours else self.state.get("reference_v") or 0.0
         for first in self.units.set_points[:1]:
@@ -142,7 +142,7 @@ class Follower:
         """Follow as long as `up` answers."""
         try:
             with socket_client(self._namespace) as arm:
-                # What was wanted while nobody answered is no news any more.
+                # What was wanted while nobody answered is not news any more.
                 self._news.clear()
                 while not self._ending.is_set():
                     self._ask(arm)

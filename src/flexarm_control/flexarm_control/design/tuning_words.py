@@ -45,7 +45,7 @@ def confirmation(found: PdpTuning) -> str:
         worst = max(each.criterion for each in others) / found.criterion - 1.0
         return (
             f"{spread}; {same} end at these, the others at a J up to {100 * worst:.0f} % larger. "
-            "The models know no friction: compare its step with that of the default gains"
+            "The models leave out friction: compare its step with that of the default gains"
         )
     if any(each.criterion <= (1.0 + _SAME) * found.criterion for each in others):
         return (
@@ -84,7 +84,7 @@ def pi_stopped_by(found: PiTuning) -> str:
 
 
 def no_position(model: str) -> str:
-    """Return why a model is no model to tune on."""
+    """Return why a model is not a model to tune on."""
     return (
         f"{model}: the input does not move {OUTPUTS[POSITION]}: there is nothing to control; "
         "identify from a record in which the hub moves"

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
 PLAUSIBLE_V = 100.0
-"""Ten times the range of the converter; a larger reading is no measurement."""
+"""Ten times the range of the converter; a larger reading is not a measurement."""
 # Digits of a gain in which the kernels of all processors agree.
 _COMMON_DIGITS = 9
 

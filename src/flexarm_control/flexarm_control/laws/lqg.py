@@ -79,7 +79,7 @@ class LqgWeights(RegulatorWeights):
 class LqgSettings(CompensationLevel):
     """Compensation of friction and first payload of the law.
 
-    The design for the heaviest payload bears a light one, and not the other way round.
+    The design for the heaviest payload works with a light one, and not the other way round.
     """
 
     full_effort_v: float = setting(0.1, 0.001, 5.0, "V", "effort of the full compensation")

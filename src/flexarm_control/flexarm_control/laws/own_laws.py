@@ -62,7 +62,7 @@ def own_laws(row: type[RowT], known: Sequence[str]) -> tuple[RowT, ...]:
     Raises
     ------
     SettingError
-        When a file cannot be read, or has a row that is no law or whose name is taken.
+        When a file cannot be read, or has a row that is not a law or whose name is taken.
     """
     files = [each for each in os.environ.get(FILES, "").split(os.pathsep) if each]
     found: dict[str, RowT] = {}

@@ -49,7 +49,7 @@ _INSTRUMENT_PAYLOADS_KG = np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.7, 1.0])
 _INSTRUMENT_DAMPING = 0.05
 _BASE_STRAIN, _SPEED = 1, 3
 _PLAUSIBLE_V = 100.0
-"""Ten times the range of the converter; a larger reading, or NaN, is no measurement."""
+"""Ten times the range of the converter; a larger reading, or NaN, is not a measurement."""
 _MOVING_V = 0.01
 """Speed signal after the low-pass that counts as motion: a few times the tachometer noise."""
 

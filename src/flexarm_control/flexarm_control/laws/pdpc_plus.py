@@ -1,4 +1,4 @@
-"""PDPC law with a calm rest: no gear hitting and no lasting oscillation (chapter 5, future work 2).
+"""PDPC law without gear hitting and lasting oscillation at rest (chapter 5, future work 2).
 
 Two effects keep an arm under PDPC from resting. The noise of the tachometer passes the speed
 threshold of (4-8) now and then, and each time the compensation moves the motor. A motor that its
@@ -121,7 +121,7 @@ class CalmRest:
 
 
 class PdpcPlus:
-    """PDPC law with a calm rest.
+    """PDPC law without oscillation at rest.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ the wanted peak of the command allows. Its command is sent, and its outputs are 
 a PDP loop, which has to take only what the plan does not know. The compensation of friction
 follows the planned speed, which has no noise. A change during a move plans the difference that
 leads to the new end, and both are played at once: the model is linear, and the sum keeps the peak.
-When all moves are over, the law is `pdpc_plus`, with its calm rest.
+When all moves are over, the law is `pdpc_plus`, with its rest.
 """
 
 from __future__ import annotations

@@ -192,7 +192,7 @@ _ROWS = (
     ),
     LawSpec(
         "lqg",
-        "LQG control from all four signals that bears delay and follows the payload (chapter 5)",
+        "LQG control from all four signals; it tolerates delay and follows the payload (chapter 5)",
         Lqg,
         (LqgWeights, LqgSettings, StrainLimit, RestThresholds, PayloadSensing),
         design=design_lqg,

@@ -1,4 +1,4 @@
-"""Learning of a command by repetition: the differences of a run mend the command of the next.
+"""Learning of a command by repetition: the differences of a run improve the command of the next.
 
 The loop that follows a trajectory turns a change of the played command f into changes of position
 and middle gauge, T1 f and T3 f. Of a run with differences e1 and e3 the change that would have
@@ -129,7 +129,7 @@ def repetition(
     return Repetition(played, position_v, strain_v, weighted_v)
 
 
-def mended(
+def improved(
     played: Trajectory,
     y: FloatArray,
     arm: FlatArm,
@@ -138,7 +138,7 @@ def mended(
     delay_s: float,
     settings: LearningSettings | None = None,
 ) -> Trajectory:
-    """Return a trajectory with the command mended by the differences of a run.
+    """Return a trajectory with the command improved by the differences of a run.
 
     Parameters
     ----------
@@ -184,12 +184,12 @@ def without_model(trajectory: Trajectory, gains: PdpGains) -> Trajectory:
 def learned(
     run: Callable[[int, Trajectory], FloatArray],
     first: Trajectory,
-    mend: Callable[[Trajectory, FloatArray], Trajectory],
+    improve: Callable[[Trajectory, FloatArray], Trajectory],
     *,
     repetitions: int,
     settings: LearningSettings | None = None,
 ) -> list[Repetition]:
-    """Run a trajectory, and again with its command mended, until nothing is gained any more.
+    """Run a trajectory, and again with its command improved, until nothing is gained any more.
 
     Parameters
     ----------
@@ -198,8 +198,9 @@ def learned(
         the number of the repetition too.
     first : Trajectory
         What repetition 0 plays.
-    mend : callable
-        Function from what was played and its outputs to what is played next: `mended` with an arm.
+    improve : callable
+        Function from what was played and its outputs to what is played next: `improved`, with
+        an arm.
     repetitions : int
         Most repetitions after the first run.
     settings : LearningSettings, optional
@@ -215,7 +216,7 @@ def learned(
     while len(done) <= repetitions and not (done and is_over(done)):
         y = run(len(done), played)
         done.append(repetition(played, y, settings))
-        played = mend(played, y)
+        played = improve(played, y)
     return done
 
 

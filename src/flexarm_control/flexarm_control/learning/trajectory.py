@@ -143,7 +143,7 @@ def planned_trajectory(
 def bending_hub(arm: FlatArm) -> FlatArm:
     """Return the figures with the quasi-static bending of the higher modes in the hub's share.
 
-    The figures of the simulated rig have one mode, as a plan that a loop mends needs no more. A
+    The figures of the simulated rig have one mode, as a plan that a loop improves needs no more. A
     position that is learned should be one that the arm can take: without the higher modes, which
     bend with the torque, it is up to 0.17 V off in a step of 3 V while the gauge is right.
     """

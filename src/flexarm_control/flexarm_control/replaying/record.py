@@ -144,11 +144,11 @@ def read_loop(path: Path, topic: str | None = None) -> LoopRecord:
         kind = None if topic is None else _KINDS.get(bag.types[topic])
         if topic is None or kind is None:
             raise BagError(
-                "holds no samples of flexarm's rig (ArmState, IoSample): nothing to replay"
+                "has no samples of flexarm's rig (ArmState, IoSample): nothing to replay"
             )
         command, law = sibling(topic, kind.command), sibling(topic, "law")
         if not bag.has(command, kind.command_type):
-            raise BagError(f"holds no commands ({command}): record them with the samples")
+            raise BagError(f"has no commands ({command}): record them with the samples")
         if not bag.has(law, LAW_IN_FORCE):
             raise BagError(_without_law(bag, topic, law))
         states, commands = bag.recorded(topic), bag.recorded(command)
@@ -205,9 +205,9 @@ def _without_law(bag: Bag, topic: str, law: str) -> str:
     """Return why a bag has no law."""
     declared = bag.declared_loops(topic)
     if declared and not any(declared):
-        return "was recorded in open loop: its commands follow from no law"
+        return "was recorded in open loop: no controller made its commands"
     return (
-        f"holds no law ({law}): it was recorded by an older version or without this topic, "
+        f"has no law ({law}): it was recorded by an older version or without this topic, "
         "record it anew"
     )
 

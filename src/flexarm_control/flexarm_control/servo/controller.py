@@ -402,7 +402,7 @@ def _friction(law: Law, memory: Memory, i: int) -> float:
         heading += law.headings[i, j] * memory.plan[6, j]
     if abs(heading) > STANDS * law.widths[i]:
         memory.turns[i] = 1.0 if heading > 0.0 else -1.0
-    # What swings back behind the plan is no motion.
+    # What swings back behind the plan is not motion.
     if moving * memory.turns[i] <= 0.0:
         return 0.0
     return float(law.levels[i] * min(max(moving / law.widths[i], -1.0), 1.0))

@@ -117,7 +117,7 @@ def with_rigid_motion(source: Source, joints: Sequence[int]) -> tuple[Source, tu
     )
     note = (
         f"{source.name}: rigid motion and dry friction ({levels}) took the place of slow poles "
-        f"that stand for friction: they tell the moves in the record with an error of "
+        f"that stand for friction: they describe the moves in the record with an error of "
         f"{found.error:.2f} instead of {found.former_error:.2f}"
     )
     return replace(source, model=found.model, friction=found.friction), (note,)

@@ -303,7 +303,7 @@ def _without_creep(A: FloatArray, slowest: float) -> FloatArray:
 def _below(plant: control.StateSpace, corner_hz: float) -> FloatArray:
     """Return a map, (states, states), that takes each mode by a low-pass of second order.
 
-    The logarithm of the transition is Tustin's, which bears delays. Its sign is that of an unstable
+    The logarithm of the transition is Tustin's, which allows delays. Its sign is that of an unstable
     plant, so that damped modes become smaller too.
     """
     one = np.eye(plant.nstates)

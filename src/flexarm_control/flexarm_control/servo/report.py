@@ -101,7 +101,7 @@ def report(design: ServoDesign) -> str:
         "Margins": [
             Words(
                 "The disk margin is the largest size of simultaneous errors of gain and phase that "
-                f"the loop bears, in all inputs together or in one output. The frequencies of "
+                f"the loop tolerates, in all inputs together or in one output. The frequencies of "
                 f"vibrations (damping ratio below {VIBRATES:g}) are those of the model, and others."
             ),
             _margins(design),

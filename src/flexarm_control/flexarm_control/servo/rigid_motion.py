@@ -119,7 +119,7 @@ def rigid_motion(
     former = validate_dmv(model, record).y
     step = max(1, round(period))
     errors = [_move_error(each[:, places], y[:, places], step) for each in (simulated, former)]
-    # Written so that NaN is no improvement.
+    # Written so that NaN is not an improvement.
     return RigidMotion(whole, friction, *errors) if errors[0] < errors[1] else None
 
 

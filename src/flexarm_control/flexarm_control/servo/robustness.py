@@ -1,7 +1,7 @@
 """Disk margins of servo loops over uncertain models, and the bandwidth that they allow.
 
 The disk margin of several loops is the largest size of simultaneous gain and phase errors, one in
-each loop, that the closed loop bears: 1 / mu(S - I/2) with the sensitivity S and a diagonal
+each loop, that the closed loop tolerates: 1 / mu(S - I/2) with the sensitivity S and a diagonal
 uncertainty (Seiler, Packard, Gahinet, "An introduction to disk margins", IEEE Control Systems
 Magazine 40, 2020). It is taken at all inputs together and at each output alone.
 """
@@ -166,7 +166,7 @@ def loop_margin(found: Regulator, plant: control.StateSpace) -> LoopMargin:
     """Return the smallest disk margin of a servo with a plant, of its inputs and each output.
 
     python-control's `disk_margins` does so with one input; several need the package slycot, which
-    is no part of this environment.
+    is not part of this environment.
     """
     if not loop_radius(found, plant) < 1.0:
         return LoopMargin(0.0, np.nan, "unstable")

@@ -55,7 +55,7 @@ def settings_of(kind: type[_SettingsT], rig: RigDescription, **given: object) ->
     rig : RigDescription
         The rig.
     **given : object
-        Fields that are no settings, such as the rate.
+        Fields that are not settings, such as the rate.
 
     Raises
     ------

@@ -71,7 +71,7 @@ class Complaints:
 
     def _limits(self, new: Counter[object]) -> str:
         if new[NOT_FINITE]:
-            return "commands come that are no finite numbers: the drive is at zero for each"
+            return "commands come that are not finite numbers: the drive is at zero for each"
         accepted = new[Verdict.ACCEPTED]
         if accepted < _LIMITED_S * self._rate_hz or new[_LIMITED] < accepted:
             return ""

@@ -58,7 +58,7 @@ class SensorLimits:
     max_position_v : float
         Position that the arm cannot reach, V; the stops give way to 7.2 V at most.
     travel_samples : int
-        Readings beyond it in a row that are no disturbance.
+        Readings beyond it in a row that are not a disturbance.
     speed_saturated_s, gauge_saturated_s : float
         Time at the end of the range that means a broken sensor, s.
     disagreement_rad : float

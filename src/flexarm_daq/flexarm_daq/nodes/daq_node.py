@@ -186,7 +186,7 @@ class DaqNode(LoopNode):
     def _tell_held_up(self, passed_s: float) -> None:
         """Report in the place of the loop's thread, which the law has not left."""
         self.report_beside(
-            f"the law has held up the sampling for {passed_s:.0f} s: the drive is at zero"
+            f"the controller has delayed the sampling for {passed_s:.0f} s: the drive is at zero"
         )
 
     def alarm(self) -> str:

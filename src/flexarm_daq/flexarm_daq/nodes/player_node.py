@@ -65,7 +65,7 @@ class PlayerNode(Node):
         if values["stand_in"]:
             topics = tuple(topic for topic in topics if topic.type_name in _STANDS_IN)
             if not topics:
-                raise SettingError(f"parameter bag: {self._plan.bag} holds no samples")
+                raise SettingError(f"parameter bag: {self._plan.bag} has no samples")
         self._samples = frozenset(
             topic.name for topic in topics if values["stand_in"] and topic.type_name in _SAMPLES
         )

@@ -66,7 +66,7 @@ class RigParameters:
         inertia give 0.55 at 0 g.
     stall_torque_nm, gear_ratio : float
         Rated stall torque of the motor (section 2.3), which it does not exceed, and the gear behind
-        it. No ratio is printed: the default one bears all that the drive gives.
+        it. No ratio is printed: the default one passes all that the drive gives.
     disturbance_v : float
         Constant added to the drive's command, of either sign: d of Figure 4-14.
     coulomb_friction_nm : float

@@ -106,7 +106,7 @@ def _drift(block: Block, transitions: int, step_s: int, lanes: Lanes) -> None:
 
 @compiled
 def _rub(block: Block, lanes: Lanes) -> None:
-    """Enter the dry friction at the present speed; apart, as the exponential is no vector's."""
+    """Enter the dry friction at the present speed; apart, as the exponential is not a vector's."""
     n = len(lanes)
     for lane in range(n):
         ratio = block[(VELOCITIES + MOTOR) * n + lane] / block[STRIBECK_SPEED * n + lane]

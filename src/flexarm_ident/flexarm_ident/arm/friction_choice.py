@@ -28,7 +28,7 @@ _EFFECTS = (FrictionModel.STRIBECK, FrictionModel.LOAD)
 # Costs are squares of errors: an error on what was left out has to fall by 5 %.
 _LEFT_OUT_PAYS = 0.9
 _FIT_PAYS = 0.95
-# A smaller part of the level is no friction, whatever an error says that is next to nothing.
+# A smaller part of the level is not friction, whatever an error says that is next to nothing.
 _RELEVANT = 0.1
 # Starts of a search: rise by the level, speeds by the RMS speed, load by the input.
 _RISE = 0.3
@@ -134,7 +134,7 @@ def _part_of_level(fit: Fit, effect: FrictionModel) -> FloatArray:
 def _judged(whole: Fit, halves: tuple[Fit, ...]) -> FrictionChoice:
     """Return the fits with the error of each half under the arm of the other half.
 
-    The first motion of a half is fitted to that half: it is no property of the arm.
+    The first motion of a half is fitted to that half: it is not a property of the arm.
     """
     errors = []
     for half, other in (halves, halves[::-1]):

@@ -69,7 +69,7 @@ class _Change(NamedTuple):
 
     @property
     def is_certain(self) -> bool:
-        """Whether it is no chance, and large enough to matter."""
+        """Whether it is not by chance, and large enough to matter."""
         return self.p_value <= _SIGNIFICANCE and self.loss >= _SMALLEST_CHANGE
 
 
@@ -152,7 +152,7 @@ def _is_alike_driven(records: Sequence[IoData]) -> bool:
 
 
 def _centred(record: IoData) -> IoData:
-    """Return a record without its means: an offset of a sensor is no other plant."""
+    """Return a record without its means: an offset of a sensor does not make another plant."""
     return replace(
         record,
         u=record.u - record.u.mean(axis=0),

@@ -45,7 +45,7 @@ def feedback(data: Looked) -> Iterator[DataWarning]:
     biased = "plain ORSE is biased, and a small bias remains with the other methods"
     usual = f"chi-square {test.statistic:.0f} where {test.degrees} is usual"
     if not test.detected:
-        text = "closed-loop data: the record states it, and its noise is too small to tell; "
+        text = "closed-loop data: the record states it, and its noise is too small to show it; "
     elif declared or reaches_inputs(gram):
         though = "" if declared else ", though no loop is declared"
         text = f"closed-loop data: the inputs correlate with the outputs' noise, {usual}{though}; "
@@ -68,7 +68,7 @@ def _with_outputs(record: IoData, names: Sequence[str]) -> IoData:
 
 
 FEEDBACK = "feedback"
-"""Code of the warning of a closed loop, which is no defect."""
+"""Code of the warning of a closed loop, which is not a defect."""
 _KIND = Kind(
     FEEDBACK,
     "Closed loop",

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 MEMORY = 20
 """Samples of the past that tell a signal."""
 SMALLEST_INNOVATION = 1e-5
-"""Part of an input's RMS that is rounding: a smaller one is no innovation."""
+"""Part of an input's RMS that is rounding: a smaller one is not an innovation."""
 _FEWEST = 500
 
 

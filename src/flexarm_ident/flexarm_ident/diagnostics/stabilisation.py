@@ -218,7 +218,7 @@ def _recurring(
 
 
 def _clusters(poles: list[Pole], spread: float) -> Iterable[list[Pole]]:
-    if len(poles) < 2:  # noqa: PLR2004 - one pole is no cluster
+    if len(poles) < 2:  # noqa: PLR2004 - one pole is not a cluster
         return []
     frequency = np.array([pole.frequency_hz for pole in poles])
     shapes = np.array([pole.shape for pole in poles])

@@ -51,7 +51,7 @@ _FEWEST_PERIODS = 10.0
 _PIECES, _GROUPS = 60, 10
 # Deviations of a damping ratio that it exceeds.
 _CLEAR = 1.5
-# Lines of the spectrum of all records, fewer of which are no width of a resonance.
+# Lines of the spectrum of all records, fewer of which are not the width of a resonance.
 _FEWEST_WIDTHS = 2.0
 # Half width of the band of an envelope, in half-power widths: almost all of a mode.
 _WIDE = 3.0

@@ -3,7 +3,7 @@
 A mode that recurs may still belong to a steady disturbance, such as the mains, or to what a high
 order makes of noise. Neither answers the recorded inputs: its mean response to them (3-8) is far
 below that of the strongest mode. On a plant without any vibration all of them are noise, and the
-strongest is no measure: the response must also stand out of the error of the simulation.
+strongest is not a measure: the response must also stand out of the error of the simulation.
 """
 
 from __future__ import annotations

@@ -330,7 +330,7 @@ def refined(
     error = _errors(_simulated(lower.model, lower.x0, records), records)
     if not _better(error, start_error):
         return replace(found, notes=(*found.notes, _NOT_REFINED))
-    note = "refined by the simulation error, as the errors recur with the input and are no noise"
+    note = "refined by the simulation error, as the errors recur with the input and are not noise"
     return replace(
         found,
         model=lower.model,

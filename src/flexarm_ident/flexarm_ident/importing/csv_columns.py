@@ -145,7 +145,9 @@ def _only_time(path: Path, layout: Layout, taken: set[str]) -> str:
     if len(free) == 1:
         return free[0]
     if times and not free:
-        raise CsvImportError(f"{path}: {times[0]} is the time: it is no input and no output")
+        raise CsvImportError(
+            f"{path}: {times[0]} is the time: it is neither an input nor an output"
+        )
     problem = (
         f"{' and '.join(free)} are times"
         if free
@@ -170,7 +172,7 @@ def unused_time(path: Path, mapping: CsvMap, layout: Layout | None = None) -> tu
     free = [n for n in _times(layout or table_layout(path)) if n not in mapping.columns()]
     return tuple(
         f"column {name} was not used: the map puts the rows at {mapping.rate_hz:g} Hz; with "
-        f"time: {name} beside it they are resampled, and with that alone they tell the rate"
+        f"time: {name} beside it they are resampled, and with that alone they set the rate"
         for name in free[:1]
     )
 
@@ -195,7 +197,7 @@ def other_clocks(path: Path, mapping: CsvMap, layout: Layout) -> tuple[str, ...]
             times_s, own = times_s[np.isfinite(own)], own[np.isfinite(own)]
             steps = np.diff(own)
             if steps.min() <= 0.0 or steps.max() == steps.min() == 1.0:
-                # It is no clock, or counts the rows.
+                # It is not a clock, or counts the rows.
                 continue
             slope_s = (times_s[-1] - times_s[0]) / (own[-1] - own[0])
             if not any(abs(slope_s / unit - 1.0) < _SAME_RATE for unit in TIME_UNITS_S.values()):

@@ -77,7 +77,7 @@ _BINARY = (
     (b"<", "is HTML or XML and no table of text: open it and save the table as CSV"),
     (b"ARROW1", "is an Arrow or Feather file: write it as CSV, such as by pandas"),
 )  # fmt: skip
-# Lines of texts that are no tables, and what to do.
+# Lines of texts that are not tables, and what to do.
 _FORMS = (
     (
         re.compile(r"---|(- )?[A-Za-z_]\w*:( \S+)?|- \S+"),
@@ -173,9 +173,9 @@ def read_layout(path: Path) -> Layout:
     Raises
     ------
     CsvImportError
-        If the file cannot be read or is no text; the message says what it is and what to do.
+        If the file cannot be read or is not a text; the message says what it is and what to do.
     BoundError
-        If it is no plain file.
+        If it is not a plain file.
     """
     encoding = _encoding(path)
     with opened(path, encoding) as file:

@@ -119,7 +119,7 @@ def csv_record(path: Path, mapping: CsvMap) -> CsvRecord:
         finite number (outputs may lack some), irregular or drifting time steps, or times that
         stamps cannot show. The message names file, line and column.
     BoundError
-        If it is no plain file.
+        If it is not a plain file.
     """
     layout = table_layout(path)
     mapping = with_units(mapping, layout)

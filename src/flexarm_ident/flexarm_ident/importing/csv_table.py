@@ -66,7 +66,7 @@ class CsvTable:
     cut : tuple of str
         Lines that are left out, with the reason.
     own_instants : bool
-        Each column has its own rows, as in an export of several topics; NaN is no sample.
+        Each column has its own rows, as in an export of several topics; NaN is not a sample.
     unit_told : bool
         Something tells the unit of the times, which are in s here; else it was taken for that.
     """
@@ -117,7 +117,7 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
         finite number; outputs may lack some, not all, and inputs where each column has rows of its
         own. The message names file, line and column.
     BoundError
-        If it is no plain file.
+        If it is not a plain file.
     """
     layout = layout or read_layout(path)
     columns = _columns(layout, mapping, path)
@@ -214,7 +214,7 @@ def _plain_numbers(
     with suppress(ValueError):
         # Only one block is held as text.
         while block := list(islice(lines, _BLOCK_ROWS)):
-            # An empty line is no row, and one of other cells than names needs another look.
+            # An empty line is not a row, and one of other cells than names needs another look.
             counts = {line.count(layout.separator) for line in block}
             if counts != {layout.width - 1} or not all(map(str.strip, block)):
                 return None
@@ -283,7 +283,7 @@ def _rows_of(
 
 
 def _told(found: _Rows) -> tuple[str, ...]:
-    """Return the lines that are no rows."""
+    """Return the lines that are not rows."""
     notes = [*found.notes]
     if found.short:
         notes.append(
@@ -470,7 +470,7 @@ def _number(
         advice = column.advice or "empty the cell where nothing was measured"
         raise CsvImportError(f"{where}: {cell} is not finite; {advice}")
     if np.isnan(number) and column.advice:
-        problem = f"{cell} is no number" if cell else "empty cell"
+        problem = f"{cell} is not a number" if cell else "empty cell"
         lacking.setdefault(column.name, f"{where}: {problem}; {column.advice}")
     return number
 

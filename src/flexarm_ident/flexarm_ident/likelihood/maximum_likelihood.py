@@ -147,7 +147,7 @@ def maximise_likelihood(
     Returns
     -------
     LikelihoodFit or None
-        None where the errors are correlated with earlier inputs, so that they are no noise, where
+        None where the errors are correlated with earlier inputs, so that they are not noise, where
         there are fewer than 20 for each parameter, and where the model has no modal form or
         overflows.
     """
@@ -213,7 +213,7 @@ def _simpler(
         return None
     faintest = problem.groups[int(np.argmin(problem.powers(found.theta)))]
     simpler, start = problem.simpler(found.theta, faintest)
-    # The scale of a state, and the angle of a pair, are no parameters of the model.
+    # The scale of a state, and the angle of a pair, are not parameters of the model.
     fewer = len(found.theta) - len(start) - len(faintest)
     limit = found.cost + fewer * np.log(errors)
     again = simpler.minimised(start, iterations=_FIRST_ITERATIONS, on_step=on_step)

@@ -21,7 +21,7 @@ def c_header(name: str, parameters: Mapping[str, ParameterValue]) -> str:
 
     It has macros for sizes and period, ``static const double`` row-major matrices, and the names of
     inputs and outputs, with provenance and hash in the comment. Numbers are the shortest decimals
-    that a compiler turns into the same doubles (hexadecimal ones are no C++ before 2017).
+    that a compiler turns into the same doubles (hexadecimal ones are not C++ before 2017).
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ def parameters_in_text(text: bytes) -> dict[str, object]:
     Raises
     ------
     ModelFileError
-        If it is no YAML.
+        If it is not YAML.
     """
     try:
         document = yaml_content(text.decode("utf-8"))

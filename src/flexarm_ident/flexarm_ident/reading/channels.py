@@ -279,7 +279,7 @@ def _lost(inputs: Sequence[Track]) -> Iterator[DataWarning]:
         if signal.unknown:
             sent = len(signal.values) + signal.unknown
             text = (
-                f"{signal.unknown} of {sent} values of {signal.label} are no numbers: the value "
+                f"{signal.unknown} of {sent} values of {signal.label} are not numbers: the value "
                 "before counts until the next one, and the drive may have had another"
             )
             yield LOST_SAMPLES(text, {"values": float(signal.unknown)})

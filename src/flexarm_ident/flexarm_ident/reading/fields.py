@@ -68,7 +68,7 @@ def parse_field(text: str) -> Field:
     match = _FIELD.fullmatch(text.strip()) or _TOPIC.fullmatch(text.strip())
     if match is None:
         raise BagError(
-            f"{text!r} is no TOPIC.FIELD, such as /joint_states.position[0], and no "
+            f"{text!r} is not a TOPIC.FIELD, such as /joint_states.position[0], and no "
             "NAME=TOPIC.FIELD, such as angle_rad=/joint_states.position[0]"
         )
     plain = re.sub(r"\W+", "_", f"{match['topic']}.{match['path']}").strip("_")

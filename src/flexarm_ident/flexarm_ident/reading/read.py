@@ -62,7 +62,7 @@ def read_bag(uri: Path | str, *, topic: str | None = None, wrap: float | None = 
     Raises
     ------
     BagError
-        If the bag is missing, damaged, or holds no usable samples.
+        If the bag is missing, damaged, or has no usable samples.
     """
     return read_bag_report(uri, topic=topic, wrap=wrap).data
 
@@ -103,7 +103,7 @@ def stream_bag(uri: Path | str, *, wrap: float | None = None) -> BagStream:
     Raises
     ------
     BagError
-        If the bag is missing, damaged, not chunked and indexed, or holds no usable samples.
+        If the bag is missing, damaged, not chunked and indexed, or has no usable samples.
     """
     path = Path(uri)
     with opened(path) as bag:
@@ -128,7 +128,7 @@ def sample_count(uri: Path | str) -> int:
     Raises
     ------
     BagError
-        If the bag is missing or damaged, or holds no samples.
+        If the bag is missing or damaged, or has no samples.
     """
     with opened(Path(uri)) as bag:
         return bag.count(_chosen(bag, None))

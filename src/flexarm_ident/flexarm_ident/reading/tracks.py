@@ -96,7 +96,7 @@ class Evened(NamedTuple):
 
 
 def track(label: str, times_ns: Integers, values: FloatArray) -> Track:
-    """Return the track of a signal, in the order of time; NaN is no value.
+    """Return the track of a signal, in the order of time; NaN is not a value.
 
     Raises
     ------

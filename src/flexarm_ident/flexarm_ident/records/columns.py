@@ -82,7 +82,7 @@ def from_columns(
     Raises
     ------
     DataError
-        If a column is not there, holds no numbers or has another length than the time, or a step of
+        If a column is not there, has no numbers or has another length than the time, or a step of
         the time differs by more than 1 % from the mean step.
     """
     time_s = _times_s(table, time)

@@ -135,7 +135,7 @@ PLANT_CHANGED = Kind(
 TABLE = Kind(
     "table",
     "Table of text",
-    "lines of a CSV file that are no rows, units and times that are doubtful, rows that were "
+    "lines of a CSV file that are not rows, units and times that are doubtful, rows that were "
     "resampled",
     "see Forms of a file",
     Grade.INFORMATION,

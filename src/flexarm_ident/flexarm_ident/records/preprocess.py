@@ -26,7 +26,7 @@ BIASES = ("rest", "first", "mean", "none")
 _LONGEST_REST_S = 1.0
 # The mean of fewer samples is noise that would be added to the whole record.
 _SHORTEST_REST = 30
-# A mean of that many standard deviations is no operating point that a model could explain.
+# A mean of that many standard deviations is not an operating point that a model could explain.
 _ALMOST_ALL = 1000.0
 
 
@@ -55,7 +55,7 @@ def preprocess(
     with is multiplied by a power of ten, see `magnitude.in_range`.
 
     The thesis filters the outputs only, at 50 Hz. That adds the filter's poles to the model and
-    colours the noise, so the default is no filter; a `cutoff_hz` filters inputs and outputs
+    colours the noise, so nothing is filtered by default; a `cutoff_hz` filters inputs and outputs
     alike, which leaves the input-output relation as it is.
 
     Parameters

@@ -117,8 +117,8 @@ def dead_stretches(record: IoData, channel: int) -> tuple[range, ...]:
     """Return the rows in which one output of a record as measured was dead while the rig moved.
 
     The output is dead as in `live_samples`, and another one or an input changes in most of the
-    samples. A simulated rig without noise rests with all outputs constant: that is no defect. The
-    line that fills a hole between two equal values is none, either.
+    samples. A simulated rig without noise rests with all outputs constant: that is not a
+    defect. The line that fills a hole between two equal values is none, either.
     """
     holds = _holds(record.y_measured[:, channel])
     if not holds:

@@ -49,7 +49,7 @@ class Span:
         for option, given_s in (("--from", self.from_s), ("--to", self.to_s)):
             if given_s is not None and not 0.0 <= given_s < math.inf:
                 raise DataError(
-                    f"{option} {given_s:g} s is no time in a record: give the seconds from its "
+                    f"{option} {given_s:g} s is not a time in a record: give the seconds from its "
                     "start on (from_s, to_s)"
                 )
         if self.to_s is not None and self.to_s <= self.from_s:

@@ -53,7 +53,7 @@ def balanced_truncation(
     """Reduce a discrete model by balanced truncation of its stable part.
 
     python-control's `balanced_reduction` takes every model for one in continuous time, and needs
-    the package slycot, which is no part of this environment.
+    the package slycot, which is not part of this environment.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ def append_section(text: str, title: str, blocks: Iterable[Block]) -> str:
     """
     start, end, rest = text.rpartition(_END)
     if not end:
-        raise IdentificationError(f"cannot add {title!r}: the text is no report")
+        raise IdentificationError(f"cannot add {title!r}: the text is not a report")
     anchor = f"more-{text.count(_EXTRA) + 1}"
     entry, section = _macro("entry", anchor, title), _macro("section", anchor, title, blocks)
     before, nav_end, after = start.partition(_NAV_END)

@@ -247,7 +247,7 @@ def _errors(found: Sequence[Compared], trials: _Trials) -> Iterator[Block]:
     yield Table("trials", "Mean error of each model on each record", header, rows)
     yield Words(
         "Each model is driven by the measured input of each record and nothing else; the initial "
-        "state is fitted. 0 is a perfect model, 1 no better than the mean. A model that is "
+        "state is fitted. 0 is a perfect model, 1 as good as the mean. A model that is "
         "much better on its own record than on the others has learnt that record, or the arm has "
         "changed. A dash stands where channels or period differ."
     )

@@ -76,7 +76,7 @@ def plain_numbers() -> FuncFormatter:
 def inline_svg(figure: Figure, description: str) -> str:
     """Return a figure as an SVG element that can stand in a page beside others.
 
-    The same figure gives the same text: it holds no date.
+    The same figure gives the same text: it has no date.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def inline_svg(figure: Figure, description: str) -> str:
     text = text[text.index("<svg") :].strip()
     # The first font sets the layout; the others are as wide or narrower.
     text = text.replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, Arial, sans-serif")
-    # Another processor's last digits are no other picture.
+    # Another processor's last digits do not make another picture.
     text = re.sub(
         r' (?:d|x|y|transform|points)="[^"]*"',
         lambda place: re.sub(r"(\.\d\d)\d+", r"\1", place[0]),

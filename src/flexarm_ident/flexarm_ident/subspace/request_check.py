@@ -109,9 +109,9 @@ def check_types(data: object, order: object, switches: Mapping[str, object]) -> 
     Raises
     ------
     DataError
-        If something is no record.
+        If something is not a record.
     IdentificationError
-        If the order is no integer, or a switch neither true nor false.
+        If the order is not an integer, or a switch neither true nor false.
     """
     each = data if isinstance(data, Sequence) and not isinstance(data, str) else [data]
     for record in each:

@@ -61,8 +61,8 @@ class Request:
         Search for dry friction where no compensation was recorded, and model it where `identify`
         finds it significant.
     refine : bool
-        Refine the model by its likelihood, or by its simulation error where its errors are no
-        noise; the measure never gets worse.
+        Refine the model by its likelihood, or by its simulation error where its errors are
+        not noise; the measure never gets worse.
     """
 
     train_fraction: float = 1.0

@@ -301,7 +301,7 @@ def _set_point_following(
     if law is None:
         why = "no linear law of position, speed and middle strain made the recorded effort"
         if request.cutoff_hz and not request.filter_input:
-            why = "the outputs alone are filtered, and the law heard them raw; --cutoff 0 has it"
+            why = "the controller used the unfiltered outputs; --cutoff 0 takes these"
         return None, [f"no set-point following validation: {why}"]
     try:
         return validate_sfv(model, record.shown, law), []

@@ -350,7 +350,7 @@ def identify_line(
     folder : Path
         Folder of the results.
     request : mapping
-        Fields of a `Request`; those that are left open are no options.
+        Fields of a `Request`; those that are left open are not options.
     signals : mapping
         What the page names of the record: ``inputs``, ``outputs``, ``times``.
     """

@@ -229,7 +229,7 @@ def parse(text: str | bytes) -> Request:
     Raises
     ------
     RequestError
-        When it is no JSON object, or a verb or field is unknown, missing or out of its range.
+        When it is not a JSON object, or a verb or field is unknown, missing or out of its range.
     """
     try:
         message = json.loads(text, parse_constant=_no_constant)
@@ -250,7 +250,7 @@ def parse(text: str | bytes) -> Request:
 def _checked(verb: object, given: Mapping[str, object]) -> tuple[str, Mapping[str, Any]]:
     if not isinstance(verb, str) or verb not in VERBS:
         shown = str(verb)[:50]
-        raise RequestError(f"do = {shown!r} is no verb{nearest(shown, VERBS)}")
+        raise RequestError(f"do = {shown!r} is not a verb{nearest(shown, VERBS)}")
     fields = VERBS[verb].fields
     for name in given:
         if name not in fields:

@@ -158,7 +158,7 @@ class Server:
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._stopping = asyncio.Event()
-        # What others send wrong is no news for the log.
+        # What others send wrong is not news for the log.
         silent = logging.getLogger("flexarm_live.connections")
         silent.propagate = False
         silent.addHandler(logging.NullHandler())
@@ -262,7 +262,7 @@ class Server:
         name = f"terminal {next(self._numbers)}"
         try:
             # A line that is too long is a ValueError, and ends the connection. One that waits ends
-            # with the server, which is no news for the log.
+            # with the server, which is not news for the log.
             with suppress(ValueError, OSError, asyncio.CancelledError):
                 while line := await reader.readline():
                     reply = await self._unless_gone(reader, line, name)

@@ -172,7 +172,7 @@ def _members(message_type: Any, prefix: str = "") -> Iterator[tuple[str, str]]: 
 
 
 def _element(kind: str) -> str:
-    """Return the code of an array's elements; empty for what is no array of numbers."""
+    """Return the code of an array's elements; empty for what is not an array of numbers."""
     return _CODES.get(kind.removeprefix("sequence<").removesuffix(">"), "") * kind.startswith(
         "sequence<"
     )

@@ -44,14 +44,14 @@ def test_quantity___number_with_or_without_unit___is_in_the_first_unit(
     ("text", "words"),
     [
         ("200lb", "'200lb' has a unit that is not known here: use kg, g."),
-        ("2 00g", "'2 00g' is no number: write one in kg, or with its unit (kg, g)."),
+        ("2 00g", "'2 00g' is not a number: write one in kg, or with its unit (kg, g)."),
         ("1500g", "1500 g is not in the range 0 to 1000 g."),
         ("1.5kg", "1.5 kg is not in the range 0 to 1 kg."),
         ("1.5", "1.5 kg is not in the range 0 to 1 kg."),
         ("-1g", "-1 g is not in the range 0 to 1000 g."),
         ("nan", "nan is not a finite number"),
         ("1e999g", "1e999g is not a finite number"),
-        ("g", "'g' is no number: write one in kg"),
+        ("g", "'g' is not a number: write one in kg"),
     ],
 )
 def test_quantity___text_that_is_none___is_refused_with_the_way_out(text: str, words: str) -> None:

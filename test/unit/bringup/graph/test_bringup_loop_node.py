@@ -81,7 +81,7 @@ def test_arguments___go_to_the_node_that_they_name() -> None:
 
 @pytest.mark.parametrize("word", ["rate_hz:=1e3", "recorder.bag:=out", "daq.rate_hz", "-p"])
 def test_argument___for_neither_node___is_refused(word: str) -> None:
-    with pytest.raises(SettingError, match="is no parameter, such as"):
+    with pytest.raises(SettingError, match="is not a parameter, such as"):
         node_arguments([word])
 
 

@@ -224,7 +224,7 @@ def test_full_name_of_a_node___names_the_arm_too(up: Up, arm: str) -> None:
 
 
 def test_get___node_and_parameter_in_one_word___shows_how_to_write_it() -> None:
-    with pytest.raises(LaunchError, match=r"daq.payload_kg is no node: write daq payload_kg"):
+    with pytest.raises(LaunchError, match=r"daq.payload_kg is not a node: write daq payload_kg"):
         told(remote.get, "daq.payload_kg")
 
 

@@ -172,7 +172,7 @@ def test_new_law___hears_its_own_answers_alone___and_fades_from_the_command_in_f
     second = handover.step(VOLTS, 0.0, DriveCommand(2.0, 0.0))
 
     assert (sum(first), sum(second)) == pytest.approx((2.0, 2.0 - FADE_V))
-    # The fade is no limit: it is sent beside the answer, and cuts nothing off.
+    # The fade is not a limit: it is sent beside the answer, and cuts nothing off.
     assert law.heard == [(0.0, 0.0), pytest.approx((1.0, 0.0))]
 
 

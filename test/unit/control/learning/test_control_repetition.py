@@ -14,9 +14,9 @@ from flexarm_control.learning.repetition import (
     LearningSettings,
     Repetition,
     best,
+    improved,
     is_over,
     learned,
-    mended,
     repetition,
     without_model,
 )
@@ -50,9 +50,11 @@ def linear_run(_: int, played: Trajectory, *, gain: float = 1.0) -> np.ndarray:
 @pytest.mark.parametrize("share", [0.3, 0.7])
 def test_learning___of_the_model_itself___leaves_the_share_that_is_not_taken(share: float) -> None:
     settings = LearningSettings(share=share)
-    mend = partial(mended, arm=ARM, gains=GAINS, delay_s=0.5 / RATE_HZ, settings=settings)
+    improve = partial(improved, arm=ARM, gains=GAINS, delay_s=0.5 / RATE_HZ, settings=settings)
 
-    done = learned(linear_run, without_model(SLOW, GAINS), mend, repetitions=3, settings=settings)
+    done = learned(
+        linear_run, without_model(SLOW, GAINS), improve, repetitions=3, settings=settings
+    )
 
     left = [each.position_rms_v for each in done]
     expected = left[0] * (1.0 - share) ** np.arange(4)
@@ -60,9 +62,9 @@ def test_learning___of_the_model_itself___leaves_the_share_that_is_not_taken(sha
 
 
 def test_learning___of_an_arm_with_another_gain___ends_at_its_command() -> None:
-    mend = partial(mended, arm=ARM, gains=GAINS, delay_s=0.5 / RATE_HZ)
+    improve = partial(improved, arm=ARM, gains=GAINS, delay_s=0.5 / RATE_HZ)
 
-    done = learned(partial(linear_run, gain=1.2), SLOW, mend, repetitions=8)
+    done = learned(partial(linear_run, gain=1.2), SLOW, improve, repetitions=8)
 
     kept = done[best(done)]
     assert kept.position_rms_v <= 0.03 * done[0].position_rms_v

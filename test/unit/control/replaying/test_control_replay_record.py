@@ -82,16 +82,16 @@ ONE = [arm_state(1, START_NS), motor_command(1, START_NS + 1000, 0.0)]
 @pytest.mark.parametrize(
     ("messages", "complaint"),
     [
-        ([io_sample(1, START_NS, [0.0], [0.0])], "holds no commands"),
-        (ONE[:1], r"holds no commands \(/flexarm/command\)"),
-        (ONE, r"holds no law \(/flexarm/law\): it was recorded by an older version"),
+        ([io_sample(1, START_NS, [0.0], [0.0])], "has no commands"),
+        (ONE[:1], r"has no commands \(/flexarm/command\)"),
+        (ONE, r"has no law \(/flexarm/law\): it was recorded by an older version"),
         (
             [commander_info(START_NS, uses_outputs=False), *ONE],
-            "was recorded in open loop: its commands follow from no law",
+            "was recorded in open loop: no controller made its commands",
         ),
         (
             [commander_info(START_NS, uses_outputs=True), *ONE],
-            "holds no law",
+            "has no law",
         ),
     ],
 )

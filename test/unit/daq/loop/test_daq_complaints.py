@@ -39,7 +39,7 @@ def test_loop_that_is_well___has_none(clock: Clock) -> None:
 
 def test_commands_that_are_no_numbers___are_told(clock: Clock) -> None:
     told = complaint(clock, at_once(lambda record: math.nan if record.sequence == 50 else 1.0))
-    assert told == "commands come that are no finite numbers: the drive is at zero for each"
+    assert told == "commands come that are not finite numbers: the drive is at zero for each"
 
 
 @pytest.mark.parametrize("effort_v", [20.0, -1e9])

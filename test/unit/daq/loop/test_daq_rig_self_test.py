@@ -247,7 +247,7 @@ def test_joint___far_from_the_middle_of_uneven_travel___is_refused() -> None:
 
 
 def test_encoder___of_a_long_counter___is_judged_by_its_steps() -> None:
-    """Its range of 32 bits is no measure of its noise."""
+    """Its range of 32 bits is not a measure of its noise."""
     counter = described(
         UNEVEN.text.replace("range: [0, 360], wrap: 360", "range: 2e+7, wrap: 4e+7")
     )

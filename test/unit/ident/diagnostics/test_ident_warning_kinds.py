@@ -32,7 +32,7 @@ def test_kinds___for_report_and_docs___are_told_in_one_line_each() -> None:
 
 
 def test_identification_page___has_the_table_of_the_registry() -> None:
-    assert "<!-- table of data warnings -->" in (PROJECT / "docs/identification.md").read_text()
+    assert "<!-- table of data warnings -->" in (PROJECT / "docs/validation.md").read_text()
 
 
 def test_kind___called___has_its_code_and_grade_unless_told() -> None:

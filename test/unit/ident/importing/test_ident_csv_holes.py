@@ -108,7 +108,7 @@ def test_missing_rows___are_a_hole_in_time(tmp_path: Path, late_s: float) -> Non
 
 
 def test_holes_of_five_periods_and_a_part___leave_the_rate_as_it_is(tmp_path: Path) -> None:
-    # They are the shortest whose length is rounded: what is beyond five periods is no time of rows.
+    # They are the shortest whose length is rounded: beyond five periods no row is near.
     times_s = 0.01 * np.arange(ROWS) + 0.044 * (np.arange(ROWS) // 20)
     summary = imported(tmp_path, lines(times_s))
     assert summary.rate_hz == pytest.approx(100.0, rel=1e-12)

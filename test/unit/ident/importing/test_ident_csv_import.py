@@ -138,7 +138,10 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
         (["t,i,q", "0,1,2", "1,1,oops"], ", line 3, column q: 'oops' is not a number: correct it"),
         (["t,i,q", "0,1,2", "1,,2"], ", line 3, column i: empty cell; an input must be known"),
         (["t,i,q", "0,1,2", ",1,2"], ", line 3, column t: empty cell; a row needs its time: fill"),
-        (["t,i,q", "0,nan,2", "1,2,3"], ", line 2, column i: nan is no number; an input must be"),
+        (
+            ["t,i,q", "0,nan,2", "1,2,3"],
+            ", line 2, column i: nan is not a number; an input must be",
+        ),
         (["t,i,q", "0,1,2", "1,2,-inf"], ", line 3, column q: -inf is not finite; empty the cell"),
         (
             ["t,i,q", '0,1,"2', "1,2,3"],

@@ -83,7 +83,7 @@ def test_import___longer_than_stamps_can_show___is_refused(
 
 def test_import___pipe___is_refused_unread(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "data.csv")
-    with pytest.raises(BoundError, match=r"data\.csv: is no plain file"):
+    with pytest.raises(BoundError, match=r"data\.csv: is not a plain file"):
         import_csv(tmp_path / "data.csv", ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 

@@ -271,7 +271,7 @@ def test_load_models___deep_json___is_refused(tmp_path: Path) -> None:
 def test_load_models___pipe_or_long_file___is_refused_unread(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"model{suffix}"
     os.mkfifo(path)
-    with pytest.raises(ModelFileError, match="is no plain file"):
+    with pytest.raises(ModelFileError, match="is not a plain file"):
         load_models(path)
     path.unlink()
     path.touch()

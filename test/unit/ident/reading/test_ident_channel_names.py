@@ -70,7 +70,7 @@ def refused_bag(path: Path) -> Path:
         ),
         (["/nothing.data"], ["/ft.wrench.force.x"], f"(sensor_msgs/msg/JointState): {STATES}"),
         (["/drive.data[0]"], ["/ft.wrench.force.x"], "the topics do not overlap"),
-        (["drive"], ["/ft.wrench.force.x"], "'drive' is no TOPIC.FIELD, such as"),
+        (["drive"], ["/ft.wrench.force.x"], "'drive' is not a TOPIC.FIELD, such as"),
         (
             ["u=/drive"],
             ["/ft.wrench.force.x"],

@@ -302,7 +302,7 @@ def test_read___input_with_values_that_are_no_numbers___is_told(tmp_path: Path) 
     data = read_channels(bag, chosen)
     (notice,) = [each for each in data.notices if each.code == "lost_samples"]
     assert dict(notice.figures) == {"values": 30.0}
-    assert "30 of 300 values of /command.data are no numbers" in notice.text
+    assert "30 of 300 values of /command.data are not numbers" in notice.text
 
 
 def test_read___commands_of_which_every_tenth_lacks___keep_their_instants(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def test_read___two_rigs_in_one_bag___wants_a_choice(tmp_path: Path) -> None:
 def test_read___chosen_topic_without_samples___lists_the_topics(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "run", [*open_loop([1, 2, 3]), reference(START_NS, 1.0)])
 
-    with pytest.raises(BagError, match=r"run: /flexarm/reference holds no samples; topics: /fl"):
+    with pytest.raises(BagError, match=r"run: /flexarm/reference has no samples; topics: /fl"):
         read_bag(bag, topic="/flexarm/reference")
 
 

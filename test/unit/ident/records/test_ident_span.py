@@ -54,8 +54,8 @@ def test_span___of_a_part___counts_from_its_first_row() -> None:
     [
         (12.0, 4.0, r"--to 4 s is not behind --from 12 s: give .*to_s"),
         (4.0, 4.0, "--to 4 s is not behind --from 4 s"),
-        (-1.0, None, "--from -1 s is no time in a record"),
-        (0.0, float("nan"), "--to nan s is no time in a record"),
+        (-1.0, None, "--from -1 s is not a time in a record"),
+        (0.0, float("nan"), "--to nan s is not a time in a record"),
         (30.0, None, "run: --from 30 s is behind its end at 30 s: give an earlier instant"),
         (0.0, 30.02, "run: --to 30.02 s is behind its end at 30 s: give an earlier instant"),
         (4.0, 4.2, "run: --from 4 s --to 4.2 s leaves 20 samples, at least 50 .* longer part"),

@@ -39,5 +39,5 @@ def test_append_section___two___stand_at_the_end_in_order() -> None:
 
 
 def test_append_section___text_of_something_else___is_refused() -> None:
-    with pytest.raises(IdentificationError, match="cannot add 'Step': the text is no report"):
+    with pytest.raises(IdentificationError, match="cannot add 'Step': the text is not a report"):
         append_section("<html></html>", "Step", [Words("words")])

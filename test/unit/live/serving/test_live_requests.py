@@ -232,9 +232,9 @@ def test_word_that_is_none_of_the_choices___is_told_them(
 
 
 def test_unknown_verb_and_field___are_named___with_what_there_is() -> None:
-    assert refused("stopp") == "do = 'stopp' is no verb (nearest: stop)"
+    assert refused("stopp") == "do = 'stopp' is not a verb (nearest: stop)"
     shown = "v" * 50
-    assert refused("v" * 60) == f"do = {shown!r} is no verb"
+    assert refused("v" * 60) == f"do = {shown!r} is not a verb"
     assert refused("status", what=1) == "status has no field 'what'; it has none"
     assert refused("cancel", job=1, jobs=2) == "cancel has no field 'jobs'; it has job"
     assert (
@@ -242,8 +242,10 @@ def test_unknown_verb_and_field___are_named___with_what_there_is() -> None:
         == f"set has no field {'n' * 50!r}; it has node, name, value"
     )
     for verb in (None, 1, ["stop"]):
-        assert str(refusal(json.dumps({"do": verb}))).startswith(f"do = {str(verb)!r} is no verb")
-    assert str(refusal("{}")).startswith("do = 'None' is no verb")
+        assert str(refusal(json.dumps({"do": verb}))).startswith(
+            f"do = {str(verb)!r} is not a verb"
+        )
+    assert str(refusal("{}")).startswith("do = 'None' is not a verb")
 
 
 @pytest.mark.parametrize(

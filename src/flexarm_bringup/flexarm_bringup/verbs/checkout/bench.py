@@ -63,7 +63,7 @@ _BENCHES = (
     ),
     (
         "shapers",
-        "Reference shapers before a law: what each one gives and costs",
+        "Reference shapers: residual vibration and settling time of each",
         ("--docs", "--law pdpc_scheduled --seeds 1"),
     ),
     (

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 CONTROLLER_FILE = "servo/controller.yaml"
 MODELS_FOLDER = "models"
-# A part that grows by less is no other experiment: it adds data to the last one.
+# A part that grows by less is the same experiment: it adds data to the last one.
 _GROWS = 1.2
 # Part of the travel that a step covers at most: to either side of the middle.
 _MOST_STEP = 0.5

@@ -218,7 +218,7 @@ def examine_hardware(settings: NidaqSettings, nidaqmx: Nidaqmx | None = None) ->
             left = ", ".join(later for later, _ in steps[number + 1 :])
             if left:
                 terminal.CONSOLE.print(f"        not examined: {left}")
-            terminal.CONSOLE.print("Nothing was moved. Mend this first, then look again.")
+            terminal.CONSOLE.print("Nothing was moved. Fix this first, then look again.")
             return 1
         terminal.marked("ok", "green", f"    {name}: {found}")
     for line in ("Nothing was moved.", *_REMAINS):

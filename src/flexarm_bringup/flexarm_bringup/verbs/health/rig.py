@@ -88,7 +88,7 @@ def check(rig_file: str) -> None:
 def check_at_rest(description: RigDescription, folder: Path) -> dict[str, str]:
     """Sample a rig for 2 s with its drives at rest, and print each channel.
 
-    Readings that are no numbers, or at the end of their range, are returned by output.
+    Readings that are not numbers, or at the end of their range, are returned by output.
 
     Parameters
     ----------

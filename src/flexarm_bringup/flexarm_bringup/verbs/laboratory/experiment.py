@@ -71,7 +71,7 @@ def experiment(names: tuple[str, ...], **settings: Any) -> None:  # noqa: ANN401
 
     Another arm has its own rate: the limits of its inputs stand for 10 V, and its travel for
     6.857 V. For those in closed loop (C_dat, R_dat) it is pulsed first, and a soft position loop
-    takes the place of the law.
+    takes the place of the controller.
     """
     entries = [experiments.experiment(name) for name in names]
     _run(entries, settings)

@@ -161,7 +161,7 @@ def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) 
         if bag.is_file():
             raise LaunchError(f"{bag} is a file: only a folder is replaced")
         for file in _strange_files(bag):
-            raise LaunchError(f"{file} is no part of a bag: move it away, or -o names another")
+            raise LaunchError(f"{file} is not part of a bag: move it away, or -o names another")
         if workplace(bag).exists():
             raise LaunchError(
                 f"{workplace(bag)} is there: another run records into it, or it was left by one "

@@ -26,7 +26,7 @@ _LONGEST_NAMESPACE = 245
 def _absolute(_: click.Context, __: click.Parameter, value: str) -> str:
     namespace = f"/{value.strip('/')}"
     if len(namespace) > _LONGEST_NAMESPACE or not _NAMESPACE.fullmatch(namespace):
-        raise click.BadParameter(f"{value!r} is no namespace, such as arm2 or lab/arm2")
+        raise click.BadParameter(f"{value!r} is not a namespace, such as arm2 or lab/arm2")
     return namespace
 
 
@@ -105,7 +105,9 @@ def twin_rig(model: Path) -> str:
         as_called(f"the arm is described in {file}: change it, then --rig {file}")
     )
     if described.text != made:
-        terminal.note(f"{file} is not what the model tells now: remove it to have it written anew")
+        terminal.note(
+            f"{file} does not match the model any more: remove it to have it written anew"
+        )
     return str(file)
 
 

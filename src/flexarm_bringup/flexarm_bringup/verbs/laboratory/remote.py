@@ -177,7 +177,7 @@ def _addressed(node: str, namespace: str) -> tuple[str, str]:
         raise LaunchError(f"{node} is not in {namespace}: give the full name or --namespace")
     if "." in name:
         name, _, parameter = name.partition(".")
-        raise LaunchError(f"{node} is no node: write {name} {parameter}")
+        raise LaunchError(f"{node} is not a node: write {name} {parameter}")
     return space or namespace, name
 
 

@@ -33,7 +33,7 @@ def taken_columns(
     named = TableColumns(options["inputs"], options["outputs"], times, output_only)
     is_named = bool(named.inputs or named.outputs or times or output_only)
     if map_file and (named.inputs or named.outputs or times):
-        raise click.UsageError("give --map, or --input, --output and --time: both tell the columns")
+        raise click.UsageError("give --map, or --input, --output and --time: both name the columns")
     if times and not (tables and (output_only or (named.inputs and named.outputs))):
         raise click.UsageError(
             "--time belongs to a CSV file with --input and --output, or --output-only"

@@ -140,7 +140,7 @@ _request_options = together(
         "--refine/--no-refine",
         default=False,
         show_default=True,
-        help="Refine the model: maximum likelihood, or simulation error where errors are no noise.",
+        help="Refine the model: maximum likelihood, or simulation error where it is not noise.",
     ),
 )
 """Options that say what is to be done with bags: the fields of a `Request`."""
@@ -205,7 +205,7 @@ def identify(
 ) -> None:
     """Identify a model from bags; write parameters and report.
 
-    A CSV file is a bag too: --input and --output name its columns, or a map tells more of them.
+    A CSV file is a bag too: --input and --output name its columns, or a map describes them.
     """
     for path in bags:
         if path.name == job.MODEL_FILE or (path / job.MODEL_FILE).is_file():

@@ -73,7 +73,7 @@ if TYPE_CHECKING:
 def tune(models: tuple[str, ...], out: Path, *, force: bool, **options: Any) -> None:  # noqa: ANN401
     """Tune gains on models and write a --params-file.
 
-    A model is a file from identify, a bag, or nominal:KG; KG=MODEL tells its payload.
+    A model is a file from identify, a bag, or nominal:KG; KG=MODEL gives its payload.
 
     nominal:KG:flipped turns the sign of the middle gauge y3, which the thesis seems to have had.
     """

@@ -1,4 +1,4 @@
-"""Verb learn: run a reference again and again, and mend the command by what each run has missed."""
+"""Verb learn: repeat a reference, and improve the command by the errors of each run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flexarm_bringup.verbs.simulated.simulated_run import ENTRY, REPLY_DELAY_S
 from flexarm_bringup.verbs.simulated.step_results import versions
 from flexarm_control.laws.gains import TunedPdpGains
 from flexarm_control.learning.columns import read_reference, write_trajectory
-from flexarm_control.learning.repetition import best, learned, mended, without_model
+from flexarm_control.learning.repetition import best, improved, learned, without_model
 from flexarm_control.learning.trajectory import bending_hub, planned_trajectory
 from flexarm_control.loop_setup import TOPIC
 from flexarm_control.planning.flat_arm import ArmFigures
@@ -91,7 +91,7 @@ class LearnSettings(RunSettings):
 def learn(**settings: Any) -> None:  # noqa: ANN401
     """Learn the command of a motion by repeating it.
 
-    The reference is spread to a motion that the arm can make. Each run mends the command of the
+    The reference is spread to a motion that the arm can make. Each run improves the command of the
     next one. It ends when three runs have brought nothing, and the best command is kept.
     """
     _run_learn(LearnSettings(**settings))
@@ -106,13 +106,13 @@ def _run_learn(settings: LearnSettings) -> None:
         first = without_model(first, gains)
     outputs_v: list[FloatArray] = []
     with simulated_run(settings) as run:
-        mend = partial(mended, arm=arm, gains=gains, delay_s=_DELAY_S)
+        improve = partial(improved, arm=arm, gains=gains, delay_s=_DELAY_S)
 
         def play(number: int, trajectory: Trajectory) -> FloatArray:
             outputs_v.append(_played(run, settings, number, trajectory))
             return outputs_v[-1]
 
-        done = learned(play, first, mend, repetitions=settings.repetitions)
+        done = learned(play, first, improve, repetitions=settings.repetitions)
     _write(settings, done, outputs_v[best(done)])
     file = (settings.out / TRAJECTORY_FILE).absolute()
     changes = f"law={settings.law} trajectory={terminal.quoted(file)}"

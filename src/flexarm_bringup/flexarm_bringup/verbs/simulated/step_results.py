@@ -28,7 +28,7 @@ _VERSIONED = ("numpy", "scipy", "control", "numba", "rosbags", "mcap")
 
 
 class ControlledStep(NamedTuple):
-    """Recorded step from rest to `SET_POINT_V`, its figures, and when the arm is calm.
+    """Recorded step from rest to `SET_POINT_V`, its figures, and when its vibration settled.
 
     From `calm_s` on, s, the strain at the base is within a tenth of its peak; infinite for never.
     """
@@ -57,7 +57,7 @@ class ControlledStep(NamedTuple):
 
     @property
     def over_s(self) -> float:
-        """Time from which the arm is at the set-point and calm, s."""
+        """Time from which the arm is at the set-point and its vibration settled, s."""
         return max(self.figures.settling_s, self.calm_s)
 
     def summary(self) -> dict[str, Any]:

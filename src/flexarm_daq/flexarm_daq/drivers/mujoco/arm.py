@@ -119,7 +119,7 @@ class MujocoArm:
         )
         self.step_s = 1.0 / (settings.rate_hz * self.substeps)
         self.model.opt.timestep = self.step_s
-        # By default the engine begins anew at rest, in silence, when a state is no number.
+        # By default the engine begins anew at rest, in silence, when a state is not a number.
         self.model.opt.disableflags |= self._mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.data = self._mujoco.MjData(self.model)
         if settings.payload_body:

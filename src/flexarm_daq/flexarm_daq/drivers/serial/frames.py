@@ -20,7 +20,7 @@ _CRC_START: Final = 0xFFFF
 _CRC_BYTES: Final = 2
 _LONGEST_BLOCK: Final = 254
 _LONGEST_CODED: Final = 512
-"""More bytes without a zero are no frame."""
+"""More bytes without a zero are not a frame."""
 
 
 def framed(content: bytes) -> bytes:

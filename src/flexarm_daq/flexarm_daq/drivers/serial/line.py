@@ -100,7 +100,7 @@ class SerialLine:
                 f"{self._port} is held by another program: end it (a second DAQ node, a monitor)"
             ) from None
         except (OSError, termios.error) as error:
-            raise RigError(f"{self._port} is no serial line: {one_line(error)}") from None
+            raise RigError(f"{self._port} is not a serial line: {one_line(error)}") from None
 
     def _said(self, error: OSError) -> str:
         return f"{self._port}: {error.strerror}: check the cable and power of the board"

@@ -99,7 +99,7 @@ def _source(text: str) -> Source:
     found = _OF_TOPIC.fullmatch(text)
     if found is None:
         raise SettingError(
-            f"settings.outputs: {text!r} is no source{nearest(kind, (*JOINT_KINDS, *FIELDS))}: "
+            f"settings.outputs: {text!r} is not a source{nearest(kind, (*JOINT_KINDS, *FIELDS))}: "
             "write such as position:JOINT or imu:TOPIC:angular_velocity.z"
         )
     field = found[3] or FIELDS[kind][0]

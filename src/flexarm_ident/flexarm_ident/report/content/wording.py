@@ -70,12 +70,12 @@ def deviation_words(outcome: Outcome) -> str:
         return "± is the standard deviation, from the curvature of the likelihood."
     if found.friction is not None:
         return (
-            "There is no standard deviation: an arm with dry friction is fitted by simulation, "
+            "No standard deviation is given: an arm with dry friction is fitted by simulation, "
             "which is not done again for parts of the data."
         )
     if found.samples != tuple(len(record) for record in found.records):
-        return "There is no standard deviation: the data were fitted in pieces."
+        return "No standard deviation is given: the data were fitted in pieces."
     return (
-        "There is no standard deviation: what the model misses did not pass for noise, so that a "
+        "No standard deviation is given: what the model misses did not pass for noise, so that a "
         "bias, such as that of dry friction, may be larger than any scatter."
     )

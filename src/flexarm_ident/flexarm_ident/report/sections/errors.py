@@ -34,7 +34,7 @@ def _build(subject: Subject) -> Iterator[Block]:
     yield _errors(outcome)
     yield Words(
         "The fit is 100 (1 - NRMSE), of the simulation with the measured input (DMV): 100 % is a "
-        "perfect model, 0 % is no better than the mean. The relative error δ (2-25) is the RMS of "
+        "perfect model, 0 % is as good as the mean. The relative error δ (2-25) is the RMS of "
         "measured minus simulated output, divided by the RMS of the measured output about its "
         "mean. DMV is the simulation with the measured input. "
         + (_SFV if outcome.sfv is not None else "")

@@ -74,4 +74,4 @@ def _band_words(outcome: Outcome, known: bool) -> str:  # noqa: FBT001 - the one
             "The band is two standard deviations to both sides of the full model's gain, from "
             "leaving out one tenth of the data at a time. A bias, as of dry friction, is not in it."
         )
-    return f"There is no band. {deviation_words(outcome)}"
+    return f"No band is drawn. {deviation_words(outcome)}"

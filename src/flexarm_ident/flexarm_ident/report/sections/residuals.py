@@ -32,15 +32,15 @@ def _build(subject: Subject) -> Iterator[Block]:
     yield Words(
         "The residual is the measured minus the simulated output. A correlation with earlier "
         "inputs, at positive lags, shows dynamics that the model lacks; one with later inputs "
-        "shows a controller. A residual that is not white is no fault of the model where the noise "
-        "is not white either. One lag of a hundred leaves the bounds by chance."
+        "shows a controller. A residual that is not white is not a fault of the model where the "
+        "noise is not white either. One lag of a hundred leaves the bounds by chance."
         + (few if len(record.inputs) > RESIDUAL_INPUTS else "")
     )
     yield _shares(outcome)
     if outcome.spectra is not None:
         yield Words(
             "The coherent output is the share of an output's power that is coherent with the "
-            "inputs, by averaged spectra of short segments. It is no grade of the model: "
+            "inputs, by averaged spectra of short segments. It is not a grade of the model: "
             "it falls where the inputs have power at few frequencies, and where an output drifts "
             "over longer times than a segment, as an integrator does, while the fit stays high."
         )

@@ -60,7 +60,7 @@ def test_overwriting___folder_with_something_else___is_refused_by_its_name(
     tmp_path: Path, name: str
 ) -> None:
     a_folder(tmp_path, "metadata.yaml", "O_dat2_0.mcap", name)
-    with pytest.raises(LaunchError, match=f"O_dat2/{name} is no part of a bag: move it away"):
+    with pytest.raises(LaunchError, match=f"O_dat2/{name} is not part of a bag: move it away"):
         _make_room(tmp_path, [experiment("O_dat2")], overwrite=True)
 
 

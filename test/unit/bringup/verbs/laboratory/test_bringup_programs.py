@@ -103,5 +103,5 @@ def test_play___of_no_bag___is_refused_before_a_node_starts(
     (tmp_path / "metadata.yaml").write_text(
         "rosbag2_bagfile_information: {relative_file_paths: [], message_count: 2}\n"
     )
-    with pytest.raises(BagError, match=r"does not tell its messages: KeyError\('duration'\)"):
+    with pytest.raises(BagError, match=r"does not describe its messages: KeyError\('duration'\)"):
         played(monkeypatch, str(tmp_path))

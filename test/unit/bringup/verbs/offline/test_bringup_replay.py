@@ -121,4 +121,4 @@ def test_replay___example_bag___is_refused_with_what_it_lacks() -> None:
     result = CliRunner().invoke(main, ["replay", str(PROJECT / "bags" / "c_dat3_0g")])
 
     assert result.exit_code == 1
-    assert "bags/c_dat3_0g: holds no law (/flexarm/law)" in result.output
+    assert "bags/c_dat3_0g: has no law (/flexarm/law)" in result.output

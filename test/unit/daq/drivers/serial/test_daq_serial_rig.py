@@ -233,7 +233,7 @@ def test_line___that_is_none___is_told(tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"No such file .*: plug the board in"):
         SerialRig(settings(str(tmp_path / "ttyX"))).open()
     (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(RigError, match="file is no serial line"):
+    with pytest.raises(RigError, match="file is not a serial line"):
         SerialRig(settings(str(tmp_path / "file"))).open()
 
 

@@ -46,8 +46,8 @@ def test_settings___sources___are_read() -> None:
 @pytest.mark.parametrize(
     ("outputs", "said"),
     [
-        (("positon:elbow",), r"'positon:elbow' is no source \(nearest: position\)"),
-        (("position:",), "'position:' is no source"),
+        (("positon:elbow",), r"'positon:elbow' is not a source \(nearest: position\)"),
+        (("position:",), "'position:' is not a source"),
         (("imu:/tip",), r"'imu:/tip' has no field.*: name one of angular_velocity.x"),
         (("wrench:/ft:force.w",), r"has no field \(nearest: force.[xyz]\)"),
         (("float:/strain",), "has no joint"),
