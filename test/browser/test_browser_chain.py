@@ -58,6 +58,9 @@ def test_csv_file___dropped_on_the_page___is_identified_by_its_named_signals(
     drop(browser, file)
     browser.wait_for("document.querySelectorAll('#columns_rows select').length === 6")
     assert mock.dropped == {"my run.csv": content}
+    # The page is longer than the window, and the file may be dropped anywhere.
+    top = "document.getElementById('drop').getBoundingClientRect().top"
+    browser.wait_for(f"{top} > 0 && {top} < innerHeight")
     browser.click("#identify")
     browser.wait_for(
         "document.getElementById('message').textContent.includes('choose an input and an output')"

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 ARM = "arm"
 """Method of a model that is an arm with dry friction."""
-INTEGRATES = "the model integrates: an eigenvalue next to 1 was taken for exactly that"
+INTEGRATES = "the model integrates: an eigenvalue near 1 was set to 1"
 """Note on a model with an integrator."""
 # Orders of the starts of a fit with friction at the joints, and an estimator that friction
 # misleads least.

@@ -31,7 +31,7 @@ def summary(outcome: Outcome) -> list[str]:
     fit = fit_text(mean_error(outcome.dmv_errors))
     lines = [
         f"The model has {counted(model.nstates, 'state')}{origin}{friction}.",
-        f"It comes from {counted(len(records), 'record')} of {seconds:.1f} s in all.",
+        f"It is estimated from {counted(len(records), 'record')}, {seconds:.1f} s in total.",
         f"The simulation with the measured input (DMV) has a fit of {fit} on average.",
     ]
     if outcome.sfv is not None:

@@ -150,6 +150,7 @@ export class Chain {
       this.signals.forget();
       await this.refreshBags(bag);
       showStage("identify");
+      byId("drop").scrollIntoView({ block: "center" });
     });
     byId("identify").onclick = () => attempt(() => this.identify({}));
     this.refreshBags();

@@ -70,7 +70,7 @@ def test_commander_that_does_not_count___is_told(clock: Clock) -> None:
 def test_complaints___are_of_the_time_since_the_last_look(clock: Clock) -> None:
     bench = run(clock, at_once(lambda record: math.nan if record.sequence == 50 else 1.0))
     complaints = Complaints(RATE_HZ)
-    assert "no finite numbers" in complaints.look(bench.acquisition)
+    assert "not finite numbers" in complaints.look(bench.acquisition)
     assert complaints.look(bench.acquisition) == ""
 
 

@@ -51,7 +51,7 @@ def test_named_columns__other_name___is_that_in_the_bag(tmp_path: Path) -> None:
         ("t,i,q,x", ["i"], [], r"needs --input COLUMN"),
         ("", ["i"], ["q"], r"--time COLUMN:us or --time 200Hz.* there are: 0, 1, 2, 3"),
         ("hello", ["i"], ["q"], r"it has numbers alone: put a line with the names .*column_4"),
-        ("t,i,q,x", ["t"], ["q"], r"t is the time: it is not an input"),
+        ("t,i,q,x", ["t"], ["q"], r"t is the time: it is neither an input nor an output"),
         (
             "clock,i,q,x",
             ["i"],

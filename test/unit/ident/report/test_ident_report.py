@@ -138,13 +138,13 @@ def test_render_report___outcome___has_a_plot_per_output_and_kind(
     outcome: Outcome, text: str
 ) -> None:
     # The card's, an input, two each for order and poles, one for the reduction; one for each mode
-    # that oscillates; for each output its poles and zeros, one gain, two correlations, and
-    # twice the whole record with a part of it.
+    # that oscillates; for each output its poles and zeros, one gain, a step response, two
+    # correlations, and twice the whole record with a part of it.
     shapes = sum(mode.kept and mode.is_pair for mode in outcome.modes)
     assert shapes > 0
-    assert views_of(text) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 1 + 2 + 2 * 2)
+    assert views_of(text) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 1 + 1 + 2 + 2 * 2)
     galleries = ["Residuals", "Simulation", "Closed-loop simulation", "Frequency response"]
-    for words in (*galleries, "Mode shapes", "Poles"):
+    for words in (*galleries, "Mode shapes", "Poles", "Step response"):
         assert f"<h2>{words}</h2>" in text
 
 
@@ -187,7 +187,7 @@ def test_render_report___outcome___lists_every_error(outcome: Outcome, text: str
 def test_render_report___outcome___tells_data_order_and_origin(outcome: Outcome, text: str) -> None:
     words = " ".join(Page(text).text.split())
     assert f"The model has {outcome.model.nstates} states, reduced from 14." in words
-    assert "It comes from 1 record of 10.0 s in all." in words
+    assert "It is estimated from 1 record, 10.0 s in total." in words
     assert "The full model has order 14, as asked for." in words
     table = text.split("<h2>Data</h2>")[1].split("</table>", maxsplit=1)[0]
     cells = re.findall(r"<td>(.*?)</td>", table)
@@ -218,7 +218,7 @@ def test_render_report___several_inputs_outputs_and_records___shows_three_record
 ) -> None:
     text = rendered(many_channels)
     page = Page(text)
-    assert views_of(text) == 1 + 2 + 2 + 2 + 2 + 2 * 3 + 2 * 3 * 3 + 2 * 3 + 2 * 3
+    assert views_of(text) == 1 + 2 + 2 + 2 + 2 + 2 * 3 + 2 * 3 * 3 + 2 * 3 + 2 * 3 + 2 * 3
     assert len(text.encode()) < 0.8e6
     assert "The first 3 of 4 records are shown." in page.text
     assert "bag 3" in page.text

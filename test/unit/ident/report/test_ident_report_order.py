@@ -51,7 +51,7 @@ def test_order_section___words___tell_the_kinds_of_stability_apart(
     stable = [
         n for n in range(7, 12) if np.abs(np.linalg.eigvals(found.subspace.matrices(n).A)).max() < 1
     ]
-    assert model.endswith(f"models of these orders were so: {ranges(stable) or 'none'}.")
+    assert model.endswith(f"the models of these orders were stable: {ranges(stable) or 'none'}.")
 
 
 def test_recurring_table___two_physical_modes_at_one_place___are_no_two_modes_of_the_plant() -> (

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
+import control
 import numpy as np
 import pytest
 
@@ -23,6 +24,11 @@ from flexarm_ident.report.plots.time_plots import (
     near_plot,
 )
 from flexarm_ident.report.sections.poles import damping_plot, pole_plot, pole_zero_plot
+from flexarm_ident.report.sections.step_response import (
+    settling_samples,
+    step_response,
+    step_response_plot,
+)
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 from support.step_plots import a_step, times
 
@@ -52,6 +58,30 @@ def test_pole_plot___mode_that_grows___counts_it() -> None:
     outside = replace(mode_list()[0], eigenvalue=1.3 + 0.2j)
     assert "0 not inside the unit circle" in pole_plot(mode_list(), DT_S)
     assert "1 not inside the unit circle" in pole_plot([outside, *mode_list()[1:]], DT_S)
+
+
+def test_step_response___first_order___is_its_closed_form() -> None:
+    pole, gain = 0.9, 3.0
+    model = control.StateSpace([[pole]], [[gain * (1.0 - pole)]], [[1.0]], [[0.0]], DT_S)
+    expected = gain * (1.0 - pole ** np.arange(50))
+    np.testing.assert_allclose(step_response(model, 0, 0, 50), expected, rtol=1e-12)
+
+
+def test_settling_samples___pair_and_slower_real_pole___are_those_of_the_pair() -> None:
+    pair, slow = replace(mode_list()[0], states=(0, 1)), replace(mode_list()[0], states=(2,))
+    modes = [
+        replace(pair, eigenvalue=0.98 * np.exp(0.3j)),
+        replace(slow, eigenvalue=0.999),
+    ]
+    samples = settling_samples(modes, DT_S)
+    assert 0.98**samples == pytest.approx(np.exp(-4.0), rel=0.03)
+    assert settling_samples(modes[1:], DT_S) > samples
+
+
+def test_step_response_plot___output_and_input___names_both_units() -> None:
+    plot = step_response_plot({"full": arm_model()}, 0, 0, 50, names=("position_v", "command_v"))
+    assert "position, V/V" in plot
+    assert "position after a unit step of command" in plot
 
 
 def area_extents(plot: str) -> list[FloatArray]:

@@ -76,6 +76,6 @@ def deviation_words(outcome: Outcome) -> str:
     if found.samples != tuple(len(record) for record in found.records):
         return "No standard deviation is given: the data were fitted in pieces."
     return (
-        "No standard deviation is given: what the model misses did not pass for noise, so that a "
-        "bias, such as that of dry friction, may be larger than any scatter."
+        "No standard deviation is given: the residual is not noise alone, so a bias, such as "
+        "that of dry friction, may be larger than the scatter."
     )

@@ -43,8 +43,8 @@ def _build(subject: Subject) -> Iterator[Block]:
         smoothed = "Inputs and outputs are" if request.filter_input else "The outputs alone are"
         filtered = f" {smoothed} low-pass filtered at {request.cutoff_hz:g} Hz."
     yield Words(
-        f"{compensation} {_BIASES[request.bias]}{filtered} The fitted part is the leading one; "
-        "errors and plots are of the whole record."
+        f"{compensation} {_BIASES[request.bias]}{filtered} Errors and plots are of the whole "
+        "record, also where only its first part is fitted."
     )
     yield _channels(outcome)
     yield Heading("Data checks")

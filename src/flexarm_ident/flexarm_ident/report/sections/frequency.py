@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 _RESPONSES_SHOWN = 12
 _MEASURED = (
-    "The grey curve is the response by averaged spectra alone, where the output is coherent with "
-    "the inputs; the coherence stands below, with the line that chance reaches at one frequency of "
-    "a hundred. In a closed loop that curve is biased by the noise that the controller feeds back."
+    "The grey curve is the response by averaged spectra, where the output is coherent with the "
+    "inputs. The coherence is below it, with the line that chance exceeds at one frequency in a "
+    "hundred. In a closed loop this response is biased by the noise that the controller feeds back."
 )
 
 
@@ -71,7 +71,7 @@ SECTION = Section(100, "Frequency response", _build)
 def _band_words(outcome: Outcome, known: bool) -> str:  # noqa: FBT001 - the one question
     if known:
         return (
-            "The band is two standard deviations to both sides of the full model's gain, from "
-            "leaving out one tenth of the data at a time. A bias, as of dry friction, is not in it."
+            "The band is ± two standard deviations of the full model's gain, from leaving out one "
+            "tenth of the data at a time. It does not include a bias, such as that of friction."
         )
     return f"No band is drawn. {deviation_words(outcome)}"

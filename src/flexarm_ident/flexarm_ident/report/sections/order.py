@@ -68,22 +68,24 @@ SECTION = Section(20, "Order", _build)
 def _why(outcome: Outcome) -> list[str]:
     """Return the reasons for the order of the full model."""
     identification = outcome.identification
-    how = "chosen by the errors of models of many orders. What follows is for comparison"
+    how = "chosen by the errors of models of many orders. The plots are for comparison"
     if outcome.request.order:
         how = "as asked for"
     if outcome.request.singular_value_threshold is not None:
         how = "the number of singular values above the threshold"
     if identification.friction is not None:
-        how = "that of an arm's equations of motion; what follows is of its subspace start"
+        how = "that of an arm's equations of motion; the plots are of its subspace start"
     orders = ranges(identification.diagram.orders)
     stable = ranges(identification.stable_orders) or "none"
-    modes = f"The stabilisation diagram has the modes of the models of orders {orders}."
-    models = f"Before unstable eigenvalues were moved, models of these orders were so: {stable}."
+    modes = f"The stabilisation diagram shows the modes of the models of orders {orders}."
+    models = (
+        f"Before unstable eigenvalues were moved, the models of these orders were stable: {stable}."
+    )
     return [
         f"The full model has order {identification.order}, {how}.",
-        f"The widest gap of the singular values is after number {identification.suggested_order}.",
-        f"{modes} A mode stays when the model of one order less has it too.",
-        f"A model is stable when its motion dies away. {models}",
+        f"The largest gap in the singular values follows number {identification.suggested_order}.",
+        f"{modes} A mode stays when the next smaller model has it too.",
+        models,
     ]
 
 

@@ -47,8 +47,8 @@ def _build(subject: Subject) -> Iterator[Block]:
         )
     )
     yield Words(
-        "A motion with a pole outside the unit circle grows. Slow poles lie near 1, the fastest "
-        "that the sampling can show near -1."
+        "A pole outside the unit circle is unstable. Slow poles lie near 1, poles at half the "
+        "sampling rate near -1."
     )
     yield Plots(tuple(_pole_zero_maps(outcome))[:_CHANNELS])
     yield Words(

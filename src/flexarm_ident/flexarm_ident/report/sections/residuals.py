@@ -33,7 +33,7 @@ def _build(subject: Subject) -> Iterator[Block]:
         "The residual is the measured minus the simulated output. A correlation with earlier "
         "inputs, at positive lags, shows dynamics that the model lacks; one with later inputs "
         "shows a controller. A residual that is not white is not a fault of the model where the "
-        "noise is not white either. One lag of a hundred leaves the bounds by chance."
+        "noise is not white either. One lag in a hundred exceeds the bounds by chance."
         + (few if len(record.inputs) > RESIDUAL_INPUTS else "")
     )
     yield _shares(outcome)

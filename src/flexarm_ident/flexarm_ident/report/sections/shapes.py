@@ -61,7 +61,7 @@ def _row(shape: ModeShape) -> tuple[str, ...]:
 
 
 def _size(magnitude: float) -> str:
-    """Return an amplitude with two decimals, a smaller one with two digits: zero means no motion."""
+    """Return an amplitude with two decimals, a smaller one with two digits: 0: no motion."""
     return f"{magnitude:.2f}" if magnitude >= _TWO_DECIMALS else f"{magnitude:.2g}"
 
 
