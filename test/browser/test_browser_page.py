@@ -170,7 +170,7 @@ MESSAGE = "document.getElementById('message').textContent"
 # A message fades after four seconds, which a busy machine may not look at in time.
 HEARD = """window.heard = [];
   new MutationObserver(() => heard.push(document.getElementById("message").textContent))
-    .observe(document.getElementById("message"), { childList: true, characterData: true, subtree: true })"""
+    .observe(document.getElementById("message"), { childList: true, subtree: true })"""
 NOT_SENT = "NOT SENT: no connection, use the hardware stop"
 
 

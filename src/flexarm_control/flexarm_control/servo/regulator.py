@@ -303,8 +303,8 @@ def _without_creep(A: FloatArray, slowest: float) -> FloatArray:
 def _below(plant: control.StateSpace, corner_hz: float) -> FloatArray:
     """Return a map, (states, states), that takes each mode by a low-pass of second order.
 
-    The logarithm of the transition is Tustin's, which allows delays. Its sign is that of an unstable
-    plant, so that damped modes become smaller too.
+    The logarithm of the transition is Tustin's, which allows delays. Its sign is that of an
+    unstable plant, so that damped modes become smaller too.
     """
     one = np.eye(plant.nstates)
     speeds = np.linalg.solve((plant.A + one).T, (plant.A - one).T).T

@@ -113,8 +113,10 @@ def cautions(outcome: Outcome) -> list[str]:
 
 
 def remarks(outcome: Outcome) -> list[str]:
-    """Return the notes that only inform."""
-    return [text for text in _notes(outcome) if text.startswith(Grade.INFORMATION)]
+    """Return the notes that only inform, without that word."""
+    grade = f"{Grade.INFORMATION}: "
+    notes = (text for text in _notes(outcome) if text.startswith(grade))
+    return [text.removeprefix(grade) for text in notes]
 
 
 def _notes(outcome: Outcome) -> list[str]:

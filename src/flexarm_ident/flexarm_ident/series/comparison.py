@@ -10,6 +10,7 @@ import numpy as np
 from flexarm_core.errors import IdentificationError
 from flexarm_core.labels import counted, label_and_unit
 from flexarm_core.outputs import require_place
+from flexarm_ident.diagnostics.verdict import fit_text
 from flexarm_ident.fitting.validation import validate_dmv
 from flexarm_ident.friction.dry_friction import load_friction
 from flexarm_ident.friction.first_motion import validate_with_friction
@@ -20,7 +21,6 @@ from flexarm_ident.records.naming import short_names
 from flexarm_ident.records.span import EVERYTHING, Span
 from flexarm_ident.report.content.blocks import Plots, Table, Words
 from flexarm_ident.report.content.match_gallery import RECORDS_SHOWN, near_rows
-from flexarm_ident.report.content.wording import error_text, percent
 from flexarm_ident.report.page import render_page
 from flexarm_ident.report.plots.frequency_plot import COMPARED, frequency_plot
 from flexarm_ident.report.plots.time_plots import overlay_plot
@@ -157,7 +157,7 @@ def comparison_page(found: Sequence[Compared]) -> tuple[list[str], str]:
     words = _words(found, trials)
     parts: dict[str, list[Block]] = {"Models": list(_models(found))}
     if trials:
-        parts["Errors"] = list(_errors(found, trials))
+        parts["Fit"] = list(_fits(found, trials))
     parts["Modes"] = list(_modes(found))
     parts["Frequency response"] = list(_responses(found))
     if trials:
@@ -213,8 +213,8 @@ def _words(found: Sequence[Compared], trials: _Trials) -> list[str]:
             best = min(errors, key=lambda each: errors[each])
             worst = max(errors, key=lambda each: errors[each])
             lines.append(
-                f"On {name}, {best} has the smallest error, {percent(errors[best])}, and {worst} "
-                f"the largest, {percent(errors[worst])}."
+                f"On {name}, {best} has the highest fit, {fit_text(errors[best])}, and {worst} the "
+                f"lowest, {fit_text(errors[worst])}."
             )
     return lines
 
@@ -236,18 +236,18 @@ def _models(found: Sequence[Compared]) -> Iterator[Block]:
         yield Words("A model of a file has no verdict here: the report of its identification has.")
 
 
-def _errors(found: Sequence[Compared], trials: _Trials) -> Iterator[Block]:
+def _fits(found: Sequence[Compared], trials: _Trials) -> Iterator[Block]:
     rows = tuple(
-        (each.name, *("-" if dmv is None else error_text(dmv.mean) for dmv in column))
+        (each.name, *("-" if dmv is None else fit_text(dmv.mean) for dmv in column))
         for each, column in zip(
             found, zip(*(simulated for _, _, simulated in trials), strict=True), strict=True
         )
     )
     header = ("Model", *(f"On {name}" for _, name, _ in trials))
-    yield Table("trials", "Mean error of each model on each record", header, rows)
+    yield Table("trials", "Mean fit of each model on each record", header, rows)
     yield Words(
         "Each model is driven by the measured input of each record and nothing else; the initial "
-        "state is fitted. 0 is a perfect model, 1 as good as the mean. A model that is "
+        "state is fitted. The fit is 100 % of a perfect model and 0 % of the mean. A model that is "
         "much better on its own record than on the others has learnt that record, or the arm has "
         "changed. A dash stands where channels or period differ."
     )

@@ -313,7 +313,9 @@ def test_assess___undeclared_controller___is_found() -> None:
     assert "though no loop is declared" in found["feedback"].text
 
 
-@pytest.mark.parametrize(("noise", "evidence"), [(0.1, "chi-square"), (0.0, "too small to tell")])
+@pytest.mark.parametrize(
+    ("noise", "evidence"), [(0.1, "chi-square"), (0.0, "too small to show it")]
+)
 def test_assess___declared_controller___is_reported_with_the_evidence(
     noise: float, evidence: str
 ) -> None:

@@ -248,7 +248,7 @@ def test_report___in_a_browser___shows_every_part(seen: Visit) -> None:
     figures = seen.figures
     parts = ["Data", "Order", "Modes", "Mode shapes", "Poles", "Reduction", "Fit and errors"]
     galleries = ["Simulation", "Closed-loop simulation", "Residuals", "Frequency response"]
-    assert figures["headings"] == [*parts, *galleries, "The model"]
+    assert figures["headings"] == [*parts, *galleries, "Step response", "The model"]
     assert figures["lost"] == 0
     assert set(figures["headers"]) == {
         *(
@@ -292,7 +292,7 @@ def test_report___in_a_browser___names_every_plot(seen: Visit) -> None:
     # twice the whole record with a part of it.
     shapes = sum(plot["label"].startswith("shape of the mode") for plot in plots)
     assert shapes >= 3
-    assert len(plots) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 1 + 2 + 2 * 2)
+    assert len(plots) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 1 + 1 + 2 + 2 * 2)
     assert all(plot["label"] and plot["caption"] for plot in plots)
     flat = {plot["label"]: plot["ratio"] for plot in plots if not 0.3 < plot["ratio"] < 1.5}
     assert flat == {}

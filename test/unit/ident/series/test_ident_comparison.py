@@ -36,22 +36,25 @@ def cells(text: str, table: str) -> list[list[str]]:
     return [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row) for row in rows]
 
 
-def test_comparison_page___exact_halved_and_foreign_model___tells_their_errors() -> None:
+def test_comparison_page___exact_halved_and_foreign_model___shows_their_fits() -> None:
     ours = on_a_record()
     halved = ours.model.copy()
     halved.C = 0.5 * halved.C
     half = replace(ours, name="half", model=halved, verdict="", record=None)
     foreign = Compared("foreign", random_model(1), None)
     _, text = comparison_page([ours, half, foreign])
-    errors = {row[0]: row[1] for row in cells(text, "trials")}
-    assert errors["foreign"] == "-"
-    assert float(errors["ours"]) < 1e-3 < float(errors["half"])
+    shown = {row[0]: row[1] for row in cells(text, "trials")}
+    assert shown["foreign"] == "-"
+    fits = {name: float(shown[name].removesuffix(" %")) for name in ("ours", "half")}
+    assert fits["ours"] == pytest.approx(100.0, abs=0.1)
+    # Half of the output is missing; the initial state, which is fitted, makes up for some of it.
+    assert 49.0 < fits["half"] < 90.0
     first, *_ = (row for row in cells(text, "compared") if row[1] != "-")
     # Halved outputs have the same modes.
     assert first[1] == first[2]
     words = " ".join(Page(text).text.split())
-    assert "3 models on 1 record. On ours, ours has the smallest error" in words
-    assert "and half the largest" in words
+    assert "3 models on 1 record. On ours, ours has the highest fit" in words
+    assert "and half the lowest" in words
     assert "2 models of the same channels as ours." in words
     labels = [attributes["aria-label"] for _, attributes in Page(text).tags if "role" in attributes]
     assert "frequency response from command to position" in labels

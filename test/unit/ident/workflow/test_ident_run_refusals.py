@@ -87,8 +87,8 @@ def test_run___filter_on_the_outputs_alone___is_why_the_law_is_not_found() -> No
     outputs_alone = run(record, replace(request, filter_input=False))
     assert outputs_alone.sfv is None
     assert outputs_alone.warnings[-1] == (
-        "information: no set-point following validation: the outputs alone are filtered, and the "
-        "law heard them raw; --cutoff 0 has it"
+        "information: no set-point following validation: the controller used the unfiltered "
+        "outputs; --cutoff 0 takes these"
     )
 
 

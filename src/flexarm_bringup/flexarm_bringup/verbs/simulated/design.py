@@ -194,7 +194,7 @@ def remarks(margins: Margins | None, *, packaged_s: float, designed_s: float) ->
     margins : Margins or None
         Margins of the packaged law on the model of the design.
     packaged_s, designed_s : float
-        Times from which the arm is at the set-point and its vibration has settled, s; infinite for never.
+        Times from which the arm is at the set-point without vibration, s; infinite for never.
     """
     if margins is None or not math.isfinite(packaged_s):
         return []

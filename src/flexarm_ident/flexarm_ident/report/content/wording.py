@@ -23,11 +23,6 @@ def error_text(delta: float) -> str:
     return f"{delta:.4f}" if math.isfinite(delta) else "∞"
 
 
-def percent(error: float) -> str:
-    """Return an error in percent."""
-    return f"{100.0 * error:.1f} %" if math.isfinite(error) else "∞"
-
-
 def listed(words: Sequence[str]) -> str:
     """Return one or more words as a list: ``a, b and c``."""
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))

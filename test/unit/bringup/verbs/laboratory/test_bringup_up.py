@@ -106,7 +106,7 @@ def test_twin___of_a_model_that_changed_since___is_told(
         saved(model, limit)
         with pytest.raises(Started):
             up.up.main(["--twin", str(model)], standalone_mode=False)
-        told = "mine.yaml is not what the model tells now: remove it" in capsys.readouterr().out
+        told = "mine.yaml does not match the model any more: remove it" in capsys.readouterr().out
         assert told is is_told
     assert controller["law"] == "pd"
 
