@@ -42,7 +42,7 @@ def _build(subject: Subject) -> Iterator[Block]:
     samples = settling_samples(outcome.modes, full.dt)
     yield Words(
         "Outputs after a step of one input from 0 to 1 in its unit, from rest. The plots end when "
-        "the slowest lightly damped mode has decayed to 2 %; an output that integrates still moves "
+        "the slowest oscillating mode has decayed to 2 %; an output that integrates still moves "
         "then. Dry friction is not in these linear responses."
     )
     plots = (
