@@ -79,8 +79,9 @@ def told(design: ServoDesign) -> list[str]:
         lines.append(
             f"step of {each.output} by {design.steps[column]:.3g} on the twin: overshoot "
             f"{100.0 * each.overshoot:.1f} %, settling time (2 %) {_seconds(each.settling_s)}, "
-            f"steady error {100.0 * each.steady_error:+.2f} %; on {len(others)} perturbed twins at most "
-            f"{100.0 * max(other.overshoot for other in others):.1f} % and {_seconds(slowest)}"
+            f"steady error {100.0 * each.steady_error:+.2f} %; on {len(others)} perturbed twins "
+            f"at most {100.0 * max(other.overshoot for other in others):.1f} % and "
+            f"{_seconds(slowest)}"
         )
     return [*lines, *design.notes]
 
