@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 # As in the command: the matrices are small, and the threads of BLAS would wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# How the launcher of these tests was called is not a matter to what they expect.
+# How the launcher of these tests was called does not matter to what they expect.
 os.environ.pop("FLEXARM_CALLED", None)
 
 # A shell ignores SIGINT in what it runs in the background, and the programs of the tests would

@@ -262,7 +262,7 @@ def test_ranked___order_of_many___is_told() -> None:
     assert ranked("", thesis, thesis**2).holds
     assert ranked("", thesis, thesis[::-1]).is_reversed
     assert ranked("", thesis, np.ones(8)).p_value == pytest.approx(1.0)
-    # One-sided: what is not an evidence for one order is as much evidence for the other.
+    # One-sided: what is not evidence for one order is as much evidence for the other.
     mixed = ranked("", thesis, [2, 1, 4, 3, 6, 5, 8, 7])
     assert mixed.p_value + mixed.p_opposite == pytest.approx(1.0)
 

@@ -286,7 +286,7 @@ def _limits(sources: Sequence[Source], request: ServoRequest) -> tuple[FloatArra
             found[i] = float(np.max(np.abs(ends)))
             notes.append(
                 f"limit of {name}: {found[i]:.4g}, the largest command in the record; "
-                f"--limit {name}=VALUE says another"
+                f"--limit {name}=VALUE sets another"
             )
         else:
             notes.append(f"{name} has no limit: say --limit {name}=VALUE")

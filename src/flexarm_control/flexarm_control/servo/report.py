@@ -102,14 +102,18 @@ def report(design: ServoDesign) -> str:
         "Margins": [
             Words(
                 "The disk margin is the largest size of simultaneous errors of gain and phase that "
-                f"the loop tolerates, in all inputs together or in one output. The frequencies of "
-                f"vibrations (damping ratio below {VIBRATES:g}) are those of the model, and others."
+                f"the loop tolerates, in all inputs together or in one output. The model's "
+                f"vibrations (damping ratio below {VIBRATES:g}) are varied in frequency as named."
             ),
             _margins(design),
         ],
         "Loop": [Plots((("", _loop(design)),), wide=True)],
     }
-    return render_page(title, told(design), parts)
+    return render_page(title, [_sentence(line) for line in told(design)], parts)
+
+
+def _sentence(line: str) -> str:
+    return f"{line[0].upper()}{line[1:]}."
 
 
 def _margins(design: ServoDesign) -> Table:
