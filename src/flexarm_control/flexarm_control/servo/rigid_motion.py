@@ -34,6 +34,8 @@ _FILTER_ORDER = 4
 # Part of a joint's usual speed below which it may stand.
 _STANDS = 0.1
 _FEWEST = 100
+# A pair of fewer periods in the record is one of the slow poles that imitate friction.
+_FEWEST_PERIODS = 3
 
 
 class RigidMotion(NamedTuple):
@@ -90,10 +92,12 @@ def rigid_motion(
     Returns
     -------
     RigidMotion or None
-        None when there are fewer joints than inputs, the model has no vibration, the record does
-        not move enough, or the identified model tells the joints' moves better.
+        None when there are fewer joints than inputs, the record shows no vibration, it does not
+        move enough, or the identified model tells the joints' moves better.
     """
-    modes = sorted(vibrations(model), key=lambda value: abs(np.log(value)))
+    slowest = 2.0 * np.pi * _FEWEST_PERIODS / len(record.u)
+    shown = [value for value in vibrations(model) if abs(np.log(value)) > slowest]
+    modes = sorted(shown, key=lambda value: abs(np.log(value)))
     if len(joints) != model.ninputs or not modes:
         return None
     places = list(joints)

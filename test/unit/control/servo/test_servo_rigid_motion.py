@@ -58,6 +58,20 @@ def test_rigid_motion___arm_with_friction___is_that_of_the_arm(
         assert abs(ours / true - 1.0) < 0.1
 
 
+def test_rigid_motion___pair_slower_than_the_record___is_no_vibration(
+    record: IoData, imitation: control.StateSpace
+) -> None:
+    slow = 2.0 * np.pi / (2.0 * SAMPLES)
+    turn = [[np.cos(slow), -np.sin(slow)], [np.sin(slow), np.cos(slow)]]
+    pair = control.StateSpace(turn, [[1e-6], [0.0]], np.eye(2), 0.0, DT_S)
+
+    found = rigid_motion(imitation + pair, record, [0])
+
+    assert found is not None
+    assert found.model.nstates == bending_arm().nstates
+    assert found.friction.levels[0] == pytest.approx(LEVEL, rel=0.1)
+
+
 def test_rigid_motion___model_that_is_right___stays(record: IoData) -> None:
     u = record.u
     y, _ = simulate_with_friction(bending_arm(), _friction(0.0), u, np.zeros(4))
