@@ -1,6 +1,8 @@
 /* The firmware's image on a simulated ATmega328P, with a flexible arm behind its pins and a pseudo-terminal as its cable.
 
-   simavr_board IMAGE
+   simavr_board IMAGE [PATIENCE_MS]
+   Its time follows the clock. With a patience it also stands still, so long at most, for a host that owes its answer to a sample:
+   on a busy machine the arm becomes slow, and loses no command.
    It prints `pty PATH`, then at each change of the output, by the board's clock, `drive US` or `zero US SILENCE`, with the
    microseconds since the last byte that came. Lines that it reads: mark TEXT, reset, press, release, unplug, state. */
 #define _GNU_SOURCE
@@ -25,6 +27,8 @@
 #define STEP_US 50
 #define BYTES_PER_STEP 2
 #define BOOT_US 5000
+#define ANSWER_US 2000   /* a host that is later is waited for */
+#define ANSWERING 100    /* bytes of a host that answers: it has sent more than a greeting */
 #define COUNTS_PER_RAD (4096 / (2 * M_PI))
 
 static avr_t *avr;
@@ -33,11 +37,21 @@ static avr_irq_t *uart;
 static int cable = -1;
 static int accepts = 1;
 static unsigned long long before_us; /* time of the boards before the last reset */
+static unsigned long long told_us;   /* end of the last frame to the host */
+static unsigned long long heard_us;  /* last byte of the host */
+static unsigned heard;               /* bytes of a host that answers */
+
+static unsigned long long now_us(void)
+{
+    return before_us + avr->cycle / CYCLES_PER_US;
+}
 
 static void to_host(struct avr_irq_t *irq, uint32_t byte, void *param)
 {
     (void)irq, (void)param;
     uint8_t value = byte;
+    if (!value)
+        told_us = now_us();
     if (cable >= 0 && write(cable, &value, 1) < 0)
         return; /* nobody reads: the line has no flow control */
 }
@@ -107,11 +121,6 @@ static void show_arm(void)
     double millivolts = 2500.0 + 2000.0 * (tip_rad - hub_rad) + 20.0 * (rand() / (double)RAND_MAX - 0.5);
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0), (uint32_t)fmax(0.0, fmin(5000.0, millivolts)));
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC1), 1250);
-}
-
-static unsigned long long now_us(void)
-{
-    return before_us + avr->cycle / CYCLES_PER_US;
 }
 
 /* A board as after its power-up: simavr's own reset leaves what was under way. */
@@ -189,11 +198,22 @@ static void keep_pace(void)
         ahead_s -= early_s;
 }
 
+/* Stand still while the host owes an answer. */
+static void wait_for_host(int patience_ms)
+{
+    if (heard < ANSWERING || cable < 0 || heard_us > told_us || now_us() < told_us + ANSWER_US)
+        return;
+    struct pollfd input = {.fd = cable, .events = POLLIN};
+    if (poll(&input, 1, patience_ms) < 1 || !(input.revents & POLLIN))
+        heard = 0;
+}
+
 int main(int count, char **arguments)
 {
     int terminal;
     struct termios raw;
-    if (count != 2 || elf_read_firmware(arguments[1], &image))
+    int patience_ms = count == 3 ? atoi(arguments[2]) : 0;
+    if (count < 2 || count > 3 || elf_read_firmware(arguments[1], &image))
         return 2;
     image.frequency = CYCLES_PER_US * 1000000UL;
 
@@ -209,7 +229,6 @@ int main(int count, char **arguments)
     begin_board();
 
     int driven = 0;
-    unsigned long long heard_us = 0;
     for (unsigned step = 0;; step++) {
         avr_cycle_count_t until = avr->cycle + STEP_US * CYCLES_PER_US;
         while (avr->cycle < until) {
@@ -221,7 +240,10 @@ int main(int count, char **arguments)
         for (int each = 0; each < BYTES_PER_STEP && accepts && cable >= 0 && read(cable, &byte, 1) == 1; each++) {
             avr_raise_irq(uart + UART_IRQ_INPUT, byte);
             heard_us = now_us();
+            heard++;
         }
+        if (patience_ms)
+            wait_for_host(patience_ms);
         double torque = torque_nm();
         if ((torque != 0.0) != driven) {
             driven = !driven;

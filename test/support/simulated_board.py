@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,8 +43,27 @@ def built(folder: Path) -> tuple[Path, Path]:
     return firmware / targets[0], firmware / targets[1]
 
 
+@contextmanager
+def running(image: Path, program: Path, patience_ms: int = 0) -> Iterator[SimulatedBoard]:
+    """Yield a board, which ends with the context."""
+    board = SimulatedBoard(image, program, patience_ms)
+    try:
+        yield board
+    finally:
+        board.close()
+
+
 class SimulatedBoard:
     """A running board.
+
+    Parameters
+    ----------
+    image : Path
+        The firmware.
+    program : Path
+        The simulation.
+    patience_ms : int
+        Longest time for which it stands still for a host that is late.
 
     Attributes
     ----------
@@ -51,9 +71,9 @@ class SimulatedBoard:
         Its end of the cable.
     """
 
-    def __init__(self, image: Path, program: Path) -> None:
+    def __init__(self, image: Path, program: Path, patience_ms: int) -> None:
         self._process = subprocess.Popen(  # noqa: S603
-            [str(program), str(image)],
+            [str(program), str(image), str(patience_ms)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

@@ -16,13 +16,37 @@ import pytest
 from flexarm_daq.drivers.topics.inbox import TopicsSettings
 from flexarm_daq.drivers.topics.rig import TopicsRig
 from flexarm_daq.rigs.rig_protocol import RigError
+from support.chain import driven_chain
+from support.robot import DRAG, INERTIA
 from support.system_graph import claim_domain
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from support.system_graph import Graph
 
 pytestmark = [pytest.mark.system, pytest.mark.slow]
 
+# In open loop the joints go round.
+RIG = """\
+name: robot
+rate_hz: 200
+inputs:
+  shoulder_nm: {quantity: torque, unit: N m, limits: 1}
+  elbow_nm: {quantity: torque, unit: N m, limits: 1}
+outputs:
+  shoulder_rad: {quantity: angle, unit: rad}
+  elbow_rad: {quantity: angle, unit: rad}
+joints:
+  shoulder: {input: shoulder_nm, angle: shoulder_rad, travel: 12}
+  elbow: {input: elbow_nm, angle: elbow_rad, travel: 12}
+driver: topics
+settings:
+  commands: /effort_controller/commands
+  outputs: ["position:shoulder", "position:elbow"]
+  stale_s: 60
+"""
 # A busy machine holds the robot back.
 SETTINGS = TopicsSettings(
     "/effort_controller/commands",
@@ -40,19 +64,27 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     os.close(claim)
 
 
-@pytest.fixture
-def robot(domain: None) -> Iterator[subprocess.Popen[str]]:
-    del domain
+@contextmanager
+def running_robot(environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(
         [sys.executable, "-m", "support.robot"],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        env={**environment, "PYTHONPATH": os.pathsep.join(sys.path)},
         stdout=subprocess.PIPE,
         text=True,
     )
-    assert told(process) == "ready"
-    yield process
-    process.kill()
-    process.wait()
+    try:
+        assert told(process) == "ready"
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def robot(domain: None) -> Iterator[subprocess.Popen[str]]:
+    del domain
+    with running_robot(os.environ) as process:
+        yield process
 
 
 def told(process: subprocess.Popen[str]) -> str:
@@ -104,3 +136,15 @@ def test_robot___that_is_not_there___is_told(domain: None) -> None:
     del domain
     with pytest.raises(RigError, match="nobody reads /effort_controller/commands"):
         TopicsRig(SETTINGS, 2).open()
+
+
+def test_robot___is_recorded_identified_and_moved_from_the_page(
+    graph: Graph, tmp_path: Path
+) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text(RIG)
+    with running_robot(graph.environment):
+        model = driven_chain(graph, str(file), tmp_path, "O_dat8")
+    # From torque to angle: rate over torque is 1 / (J s + d).
+    coasting_s = [-model.dt / np.log(abs(pole)) for pole in model.poles() if abs(pole) < 0.999]
+    assert min(abs(each - INERTIA / DRAG) for each in coasting_s) < 0.05

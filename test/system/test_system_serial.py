@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections import deque
 from contextlib import contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING
@@ -14,16 +16,31 @@ import numpy as np
 import pytest
 
 from flexarm_daq.rigs.rig_protocol import RigError
-from support.simulated_board import SimulatedBoard, built, controlled, opened
+from support.chain import driven_chain
+from support.simulated_board import SimulatedBoard, built, controlled, opened, running
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from flexarm_daq.drivers.serial.rig import SerialRig
+    from support.system_graph import Graph
 
 pytestmark = [pytest.mark.system, pytest.mark.slow]
 
+RIG = """\
+name: board
+rate_hz: 300
+inputs:
+  motor_v: {quantity: other, unit: V, limits: 6, slew_per_s: 3000, raw_per_unit: 88.9}
+outputs:
+  hub_rad: {quantity: angle, unit: rad, scale: 0.00153398}
+  bend_v: {quantity: strain, unit: V, per_si: 1000, scale: 0.000305481, offset: 8184, range: 2.5}
+joints:
+  hub: {input: motor_v, angle: hub_rad, travel: 1.2}
+driver: serial
+settings: {port: PORT, inputs: [motor], outputs: [encoder, a0], patience_s: 60}
+"""
 # The watchdog of the board has 20 ms.
 MOST_US = 25_000
 
@@ -38,9 +55,8 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 @pytest.fixture
 def board(program: tuple[Path, Path]) -> Iterator[SimulatedBoard]:
-    simulated = SimulatedBoard(*program)
-    yield simulated
-    simulated.close()
+    with running(*program) as simulated:
+        yield simulated
 
 
 def zero_within(board: SimulatedBoard, begun: int) -> tuple[int, int]:
@@ -231,3 +247,30 @@ def test_command___beyond_the_limits___is_clipped_and_slewed_by_the_board(
     most = rig.greeting.inputs[0].slew_per_ms * (1e3 / rig.settings.rate_hz)
     assert steps.max() <= most + limit * 0.5
     rig.close()
+
+
+def test_board_with_patience___waits_for_a_host_that_is_late(program: tuple[Path, Path]) -> None:
+    with running(*program, patience_ms=60_000) as board:
+        rig = opened(board.port)
+        deque(islice(controlled(rig, 5.0), 60), maxlen=0)
+        begun, (before_s, *_) = board.lines, board.state()
+        time.sleep(0.5)
+        deque(islice(controlled(rig, 5.0), 3), maxlen=0)
+        assert board.state()[0] - before_s < 0.1
+        silences_us = [int(each[2]) for each in board.heard(begun) if each[0] == "zero"]
+        assert max(silences_us, default=0) < MOST_US - 10_000
+        rig.close()
+
+
+def test_board___is_recorded_identified_and_moved_from_the_page(
+    program: tuple[Path, Path], graph: Graph, tmp_path: Path
+) -> None:
+    file = tmp_path / "board.yaml"
+    # No longer: a sample that the verbs leave without an answer takes as long.
+    with running(*program, patience_ms=200) as board:
+        file.write_text(RIG.replace("PORT", board.port))
+        model = driven_chain(graph, str(file), tmp_path, "C_dat3")
+    # Of 0.002 and 0.01 kg m2 at the ends of 4 N m/rad.
+    angular = 2.0 * np.pi * 7.80
+    found = np.abs(np.log(model.poles())) / model.dt
+    assert np.abs(found - angular).min() < 0.05 * angular
