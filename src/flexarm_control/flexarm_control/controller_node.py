@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from importlib import import_module
+from importlib.util import find_spec
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
     from rclpy.publisher import Publisher
 
+    from flexarm_control.following import Following
     from flexarm_control.laws.law_protocol import Memory
     from flexarm_core.rig_description import Track
     from flexarm_core.signals import Sample
@@ -91,6 +93,8 @@ class ControllerNode(AnsweringNode):
         self._references: tuple[float, ...] | None = None
         self._reference_topic: SharedTopic[Any] | None = None
         self.create_service(SetReference, "set_reference", self._on_set_reference)
+        self._followed: Following | None = None
+        self._trajectories = self._trajectory_action()
         # State of a run, which `begin` resets.
         self._loop = self._setup.loop()
         self._rate = SampleRate()
@@ -157,12 +161,15 @@ class ControllerNode(AnsweringNode):
         self._weighed_ns = 0
         self._in_force = None
         self._drives = True
+        self._followed = None
 
     def answer(self, sample: Sample) -> Answer:
         """Return the law's answer to the sample and the references at its instant."""
         setup, taken_ns = self._setup, sample.taken_ns
         if self._references is None:
             self._references = first_references(setup, sample)
+        if (followed := self._followed) is not None:
+            self._references = followed.references(taken_ns, sample.outputs)
         references = self._references
         self._drives = sample.command_sequence > 0
         self._loop.replace(setup.laws)
@@ -175,11 +182,11 @@ class ControllerNode(AnsweringNode):
         return self._loop.step(sample, references)
 
     def before_command(self, taken_ns: int) -> None:
-        """Publish the reference of a built-in profile: in virtual time the command ends the sample.
+        """Publish a reference that changes by itself: in virtual time the command ends the sample.
 
         A record has it from the sample on behind which it was published.
         """
-        if self._setup.has_profile:
+        if self._setup.has_profile or self._followed is not None:
             self._tell_reference(taken_ns)
 
     def answered(self, taken_ns: int) -> None:
@@ -269,7 +276,38 @@ class ControllerNode(AnsweringNode):
         if refusal := self._refusal(references):
             self.get_logger().error(refusal, throttle_duration_sec=_REFUSED_S)
             return
+        self._followed = None
         self._references = references
+
+    def start_references(self) -> tuple[float, ...]:
+        """Return the set-points in force; see `trajectory_action.Controller`."""
+        self.listen()
+        if self._references is None or not self.is_answering():
+            raise SettingError(self._hindrance() or _NOT_DRIVING)
+        if refusal := self._refusal(self._references):
+            raise SettingError(refusal)
+        return self._references
+
+    def follow(self, following: Following) -> None:
+        """Follow a trajectory from the next sample on."""
+        self._followed = following
+
+    def follows(self, following: Following) -> bool:
+        """Return whether the set-points still come from a trajectory."""
+        return self._followed is following and self.is_answering()
+
+    def hold(self, following: Following) -> None:
+        """Keep the set-points where a trajectory has brought them."""
+        if self._followed is following:
+            self._followed = None
+
+    def _trajectory_action(self) -> object:
+        """Return the server of the action, where an installation of ROS 2 has its message."""
+        if find_spec("control_msgs") is None:
+            return None
+        from flexarm_control.trajectory_action import TrajectoryAction  # noqa: PLC0415
+
+        return TrajectoryAction(self)
 
     def _on_set_reference(
         self, request: SetReference.Request, response: SetReference.Response
@@ -291,6 +329,7 @@ class ControllerNode(AnsweringNode):
             response.message = self._refusal(wanted)
         response.success = not response.message
         if response.success:
+            self._followed = None
             self._references = wanted
             self._publish_reference()
             response.message = self._hindrance()

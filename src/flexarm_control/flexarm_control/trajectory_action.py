@@ -1,0 +1,200 @@
+"""Action `FollowJointTrajectory` of the controller, by which MoveIt and others drive the arm."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from control_msgs.action import FollowJointTrajectory
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from flexarm_control.following import Following, Tolerances
+from flexarm_control.planning.joint_trajectory import Point, places_of, trajectory_through
+from flexarm_core.errors import SettingError
+from flexarm_node.stamps import set_stamp
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_core.rig_description import RigDescription
+
+_FEEDBACK_S = 0.05
+_Result = FollowJointTrajectory.Result
+
+
+class Controller(Protocol):
+    """What the action needs of the controller."""
+
+    description: RigDescription
+
+    def start_references(self) -> tuple[float, ...]:
+        """Return the set-points in force; SettingError when a trajectory cannot begin."""
+
+    def follow(self, following: Following) -> None:
+        """Follow a trajectory from the next sample on."""
+
+    def follows(self, following: Following) -> bool:
+        """Return whether the set-points still come from a trajectory."""
+
+    def hold(self, following: Following) -> None:
+        """Keep the set-points where a trajectory has brought them."""
+
+
+class TrajectoryAction:
+    """Server of the action on a controller node.
+
+    A trajectory begins at the next sample. A set-point of anybody, or another trajectory, takes its
+    place.
+
+    Parameters
+    ----------
+    node : Controller
+        The node.
+    """
+
+    def __init__(self, node: Any) -> None:  # noqa: ANN401 - a Controller that is a Node
+        self._node = node
+        self.server = ActionServer(
+            node,
+            FollowJointTrajectory,
+            "~/follow_joint_trajectory",
+            self._on_goal,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+
+    async def _on_goal(self, goal: Any) -> FollowJointTrajectory.Result:  # noqa: ANN401
+        controller: Controller = self._node
+        tracks = controller.description.tracks
+        names = [each.name for each in tracks]
+        try:
+            places = places_of(goal.request.trajectory.joint_names, names)
+        except SettingError as error:
+            return _aborted(goal, _Result.INVALID_JOINTS, str(error))
+        try:
+            following = following_of(goal.request, places, controller)
+        except SettingError as error:
+            return _aborted(goal, _Result.INVALID_GOAL, str(error))
+        controller.follow(following)
+        news = Future()
+
+        def look() -> None:
+            news.set_result(None)
+            self._node.executor.wake()
+
+        timer = self._node.create_timer(_FEEDBACK_S, look)
+        try:
+            while (
+                following.ended is None
+                and controller.follows(following)
+                and not goal.is_cancel_requested
+            ):
+                await news
+                news = Future()
+                if following.told is not None:
+                    goal.publish_feedback(_feedback(following, names))
+        finally:
+            self._node.destroy_timer(timer)
+        is_in_force = controller.follows(following)
+        controller.hold(following)
+        return _ended(goal, following, is_in_force=is_in_force)
+
+
+def following_of(
+    request: FollowJointTrajectory.Goal, places: Sequence[int], controller: Controller
+) -> Following:
+    """Return the trajectory of a goal, whose joints stand in places of its own.
+
+    Raises
+    ------
+    SettingError
+        When it cannot be followed.
+    """
+    rig = controller.description
+    outputs = [rig.output(each.output) for each in rig.tracks]
+    per_rad = np.array([each.per_si or 1.0 for each in outputs])
+    start = np.array(controller.start_references()) / per_rad
+    points = [
+        Point(
+            _seconds(each.time_from_start),
+            _in_order(each.positions, places),
+            _in_order(each.velocities, places),
+        )
+        for each in request.trajectory.points
+    ]
+    travels = [
+        (each.low / unit, each.high / unit) for each, unit in zip(rig.tracks, per_rad, strict=True)
+    ]
+    tolerances = Tolerances(
+        _largest(request.path_tolerance, [each.name for each in rig.tracks]),
+        _largest(request.goal_tolerance, [each.name for each in rig.tracks]),
+        _seconds(request.goal_time_tolerance),
+    )
+    return Following(
+        trajectory_through(start.tolist(), points, travels),
+        tolerances,
+        [rig.output_names.index(each.output) for each in rig.tracks],
+        per_rad,
+    )
+
+
+def _in_order(values: Sequence[float], places: Sequence[int]) -> list[float]:
+    """Return the values of a point in the order of the joints; of another number as they are."""
+    return [values[place] for place in places] if len(values) == len(places) else list(values)
+
+
+def _largest(tolerances: Sequence[Any], names: Sequence[str]) -> FloatArray:
+    """Return the largest error of each joint, rad; zero and less are none in the message."""
+    positions = {each.name: each.position for each in tolerances}
+    given = np.array([positions.get(name, 0.0) for name in names])
+    return np.where(given > 0.0, given, np.inf)
+
+
+def _seconds(duration: Any) -> float:  # noqa: ANN401
+    return float(duration.sec + 1e-9 * duration.nanosec)
+
+
+def _feedback(following: Following, names: Sequence[str]) -> FollowJointTrajectory.Feedback:
+    told = following.told
+    assert told is not None  # noqa: S101 - the caller has looked
+    message = FollowJointTrajectory.Feedback(
+        joint_names=list(names),
+        desired=JointTrajectoryPoint(
+            positions=told.desired.positions, velocities=told.desired.velocities
+        ),
+        actual=JointTrajectoryPoint(positions=told.actual_rad),
+        error=JointTrajectoryPoint(positions=told.error_rad),
+    )
+    set_stamp(message.header.stamp, told.taken_ns)
+    return message
+
+
+def _ended(
+    goal: Any,  # noqa: ANN401
+    following: Following,
+    *,
+    is_in_force: bool,
+) -> FollowJointTrajectory.Result:
+    if following.ended == "":
+        goal.succeed()
+        return _Result(error_code=_Result.SUCCESSFUL)
+    if following.ended is not None:
+        codes = {
+            Following.PATH: _Result.PATH_TOLERANCE_VIOLATED,
+            Following.GOAL: _Result.GOAL_TOLERANCE_VIOLATED,
+        }
+        assert following.told is not None  # noqa: S101 - a sample has ended it
+        errors = ", ".join(f"{each:.3g}" for each in following.told.error_rad)
+        said = f"{following.ended} tolerance violated, the errors are {errors} rad"
+        return _aborted(goal, codes[following.ended], said)
+    if is_in_force:
+        goal.canceled()
+        return _Result(error_string="cancelled: the joints are held")
+    return _aborted(goal, _Result.INVALID_GOAL, "another set-point or the end of the run took over")
+
+
+def _aborted(goal: Any, code: int, said: str) -> FollowJointTrajectory.Result:  # noqa: ANN401
+    goal.abort()
+    return _Result(error_code=code, error_string=said)
