@@ -124,12 +124,13 @@ def following_of(
         )
         for each in request.trajectory.points
     ]
-    travels = [
-        (each.low / unit, each.high / unit) for each, unit in zip(rig.tracks, per_rad, strict=True)
-    ]
+    travels = {
+        each.name: (each.low / unit, each.high / unit)
+        for each, unit in zip(rig.tracks, per_rad, strict=True)
+    }
     tolerances = Tolerances(
-        _largest(request.path_tolerance, [each.name for each in rig.tracks]),
-        _largest(request.goal_tolerance, [each.name for each in rig.tracks]),
+        _largest(request.path_tolerance, list(travels)),
+        _largest(request.goal_tolerance, list(travels)),
         _seconds(request.goal_time_tolerance),
     )
     return Following(

@@ -16,7 +16,7 @@ def following(
     *, path_rad: float = np.inf, goal_rad: float = np.inf, goal_s: float = 0.0
 ) -> Following:
     """Return a trajectory of the second output, from 0 to 0.5 rad in 2 s."""
-    trajectory = trajectory_through([0.0], [Point(2.0, [0.5])], [(-1.0, 1.0)])
+    trajectory = trajectory_through([0.0], [Point(2.0, [0.5])], {"hub": (-1.0, 1.0)})
     tolerances = Tolerances(np.array([path_rad]), np.array([goal_rad]), goal_s)
     return Following(trajectory, tolerances, [1], np.array([PER_RAD]))
 

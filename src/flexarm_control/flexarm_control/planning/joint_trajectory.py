@@ -12,7 +12,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from flexarm_core.arrays import FloatArray
 
@@ -85,17 +85,18 @@ def places_of(names: Sequence[str], joints: Sequence[str]) -> list[int]:
     SettingError
         When the names are not those of all joints, each once.
     """
-    known = f"the joints are {', '.join(joints)}"
     for name in names:
         if name not in joints:
-            raise SettingError(f"no joint {name!r}{nearest(name, joints)}: {known}")
+            raise SettingError(f"no joint {name!r}{nearest(name, joints)}")
     if sorted(names) != sorted(joints):
-        raise SettingError(f"a trajectory names each joint once, not {', '.join(names)}: {known}")
+        raise SettingError(
+            f"a trajectory names each joint once, {', '.join(joints)}, not {', '.join(names)}"
+        )
     return [names.index(joint) for joint in joints]
 
 
 def trajectory_through(
-    start: Sequence[float], points: Sequence[Point], travels: Sequence[tuple[float, float]]
+    start: Sequence[float], points: Sequence[Point], travels: Mapping[str, tuple[float, float]]
 ) -> JointTrajectory:
     """Return the trajectory from rest at the start through some points.
 
@@ -105,8 +106,8 @@ def trajectory_through(
         Positions of the joints.
     points : sequence of Point
         Points in the order of time. One at zero takes the place of the start.
-    travels : sequence of tuple of float
-        Ends of the travel of each joint.
+    travels : mapping of str to tuple of float
+        Ends of the travel of each joint, by its name.
 
     Raises
     ------
@@ -144,13 +145,15 @@ def trajectory_through(
     return found
 
 
-def _require_travel(trajectory: JointTrajectory, travels: Sequence[tuple[float, float]]) -> None:
-    low, high = np.transpose(travels)
+def _require_travel(
+    trajectory: JointTrajectory, travels: Mapping[str, tuple[float, float]]
+) -> None:
+    names, (low, high) = list(travels), np.transpose(list(travels.values()))
     for begin_s, end_s in pairwise(trajectory.times_s):
         for time_s in np.linspace(begin_s, end_s, _LOOKS):
             positions = trajectory.at(float(time_s)).positions
             for joint in np.flatnonzero((positions < low) | (positions > high)):
                 raise SettingError(
-                    f"joint {joint + 1} goes to {positions[joint]:.4g} rad at {time_s:.3g} s: its "
+                    f"{names[joint]} goes to {positions[joint]:.4g} rad at {time_s:.3g} s: its "
                     f"travel is {low[joint]:.4g} to {high[joint]:.4g} rad"
                 )

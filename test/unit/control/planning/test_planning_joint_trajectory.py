@@ -8,7 +8,7 @@ import pytest
 from flexarm_control.planning.joint_trajectory import Point, places_of, trajectory_through
 from flexarm_core.errors import SettingError
 
-TRAVELS = [(-1.0, 1.0), (-2.0, 2.0)]
+TRAVELS = {"shoulder": (-1.0, 1.0), "elbow": (-2.0, 2.0)}
 
 
 def test_trajectory___points_without_velocities___is_linear() -> None:
@@ -59,11 +59,11 @@ def test_trajectory___point_at_zero___takes_the_place_of_the_start() -> None:
             [Point(1.0, [0.0, 0.0]), Point(1.0, [0.1, 0.0])],
             "point 2 at 1 s is not after point 1 at 1 s",
         ),
-        ([Point(1.0, [0.0, -2.5])], "joint 2 goes to -2.03.* its travel is -2 to 2 rad"),
+        ([Point(1.0, [0.0, -2.5])], "elbow goes to -2.03.* its travel is -2 to 2 rad"),
         # Both ends are within the travel, and the cubic between them is not.
         (
             [Point(0.0, [0.9, 0.0], [2.0, 0.0]), Point(1.0, [0.9, 0.0], [-2.0, 0.0])],
-            "joint 1 goes to 1.0",
+            "shoulder goes to 1.0",
         ),
     ],
 )
@@ -79,8 +79,8 @@ def test_places___in_another_order___are_found() -> None:
 @pytest.mark.parametrize(
     ("names", "said"),
     [
-        (["shoulder", "elbwo"], "no joint 'elbwo'.*the joints are shoulder, elbow"),
-        (["shoulder"], "names each joint once, not shoulder"),
+        (["shoulder", "elbwo"], "no joint 'elbwo'.*elbow"),
+        (["shoulder"], "names each joint once, shoulder, elbow, not shoulder"),
         (["shoulder", "shoulder"], "names each joint once"),
     ],
 )
