@@ -1,0 +1,176 @@
+"""Action of trajectories on a controller, with doubles of the messages that the wheels lack."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType, SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from builtin_interfaces.msg import Duration
+from std_msgs.msg import Header
+
+from flexarm_core.rig_description import load_rig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from flexarm_control.following import Following
+
+PER_RAD = 4.9110668154070565
+
+
+class _Result(SimpleNamespace):
+    SUCCESSFUL, INVALID_GOAL, INVALID_JOINTS = 0, -1, -2
+    PATH_TOLERANCE_VIOLATED, GOAL_TOLERANCE_VIOLATED = -4, -5
+
+
+class _Feedback(SimpleNamespace):
+    def __init__(self, **fields: Any) -> None:  # noqa: ANN401
+        super().__init__(header=Header(), **fields)
+
+
+class _Goal:
+    """Goal of a client, and what has become of it."""
+
+    def __init__(self, name: str, *, path_rad: float = 0.0) -> None:
+        point = SimpleNamespace(positions=[0.4], velocities=[], time_from_start=Duration(sec=2))
+        self.request = SimpleNamespace(
+            trajectory=SimpleNamespace(joint_names=[name], points=[point]),
+            path_tolerance=[SimpleNamespace(name=name, position=path_rad)],
+            goal_tolerance=[],
+            goal_time_tolerance=Duration(),
+        )
+        self.is_cancel_requested = False
+        self.state = ""
+        self.feedback: list[Any] = []
+        self.publish_feedback = self.feedback.append
+
+    def succeed(self) -> None:
+        self.state = "succeeded"
+
+    def abort(self) -> None:
+        self.state = "aborted"
+
+    def canceled(self) -> None:
+        self.state = "canceled"
+
+
+class _Controller:
+    """Controller of the thesis's arm, whose set-point is zero."""
+
+    description = load_rig("thesis")
+    executor = SimpleNamespace(wake=lambda: None)
+    followed: Following | None = None
+    look: Callable[[], None] | None = None
+    action: Any = None
+
+    def create_timer(self, _: float, look: Callable[[], None]) -> None:
+        self.look = look
+
+    def destroy_timer(self, _: None) -> None:
+        pass
+
+    def start_references(self) -> tuple[float, ...]:
+        return (0.0,)
+
+    def follow(self, following: Following) -> None:
+        self.followed = following
+
+    def follows(self, following: Following) -> bool:
+        return self.followed is following
+
+    def hold(self, following: Following) -> None:
+        if self.followed is following:
+            self.followed = None
+
+
+@pytest.fixture
+def controller(monkeypatch: pytest.MonkeyPatch) -> Iterator[_Controller]:
+    doubles: Sequence[tuple[str, dict[str, object]]] = (
+        (
+            "control_msgs.action",
+            {"FollowJointTrajectory": SimpleNamespace(Result=_Result, Feedback=_Feedback)},
+        ),
+        ("trajectory_msgs.msg", {"JointTrajectoryPoint": SimpleNamespace}),
+    )
+    for name, content in doubles:
+        module = ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name.partition(".")[0], ModuleType(name.partition(".")[0]))
+        monkeypatch.setitem(sys.modules, name, module)
+    name = "flexarm_control.trajectory_action"
+    monkeypatch.delitem(sys.modules, name, raising=False)
+    module = import_module(name)
+    monkeypatch.setattr(module, "ActionServer", lambda *_, **__: None)
+    made = _Controller()
+    made.action = module.TrajectoryAction(made)
+    yield made
+    sys.modules.pop(name, None)
+
+
+def run(
+    controller: Any,  # noqa: ANN401
+    goal: _Goal,
+    *steps: Callable[[], None],
+) -> _Result:
+    """Carry a goal out, with a look after each step."""
+    work = controller.action._on_goal(goal)
+    for step in (None, *steps, None):
+        if step is not None:
+            step()
+        if controller.look is not None:
+            controller.look()
+        try:
+            work.send(None)
+        except StopIteration as ended:
+            result: _Result = ended.value
+            return result
+    pytest.fail("the goal goes on")
+
+
+def sample(controller: Any, time_s: float, position_rad: float) -> Callable[[], None]:  # noqa: ANN401
+    outputs = [PER_RAD * position_rad, 0.0, 0.0, 0.0]
+
+    def take() -> None:
+        (controller.reference,) = controller.followed.references(round(1e9 * time_s), outputs)
+
+    return take
+
+
+def test_goal___followed_to_its_end___succeeds_with_feedback_in_rad(controller: Any) -> None:  # noqa: ANN401
+    goal = _Goal("hub")
+    steps = [sample(controller, time_s, 0.1) for time_s in (5.0, 6.0, 7.0)]
+    result = run(controller, goal, *steps)
+    assert (goal.state, result.error_code) == ("succeeded", 0)
+    assert [each.desired.positions[0] for each in goal.feedback] == pytest.approx([0.0, 0.2, 0.4])
+    assert goal.feedback[1].error.positions[0] == pytest.approx(0.1)
+    assert controller.reference == pytest.approx(0.4 * PER_RAD)
+    assert controller.followed is None
+
+
+def test_goal___cancelled_replaced_or_off_its_path___is_held(controller: Any) -> None:  # noqa: ANN401
+    goal = _Goal("hub")
+
+    def cancel() -> None:
+        goal.is_cancel_requested = True
+
+    run(controller, goal, sample(controller, 5.0, 0.0), cancel)
+    assert goal.state == "canceled"
+
+    def replace() -> None:
+        controller.followed = None
+
+    replaced = _Goal("hub")
+    assert "took over" in run(controller, replaced, replace).error_string
+    strict = _Goal("hub", path_rad=0.1)
+    result = run(controller, strict, sample(controller, 5.0, 0.2))
+    assert (strict.state, result.error_code) == ("aborted", -4)
+    assert "path tolerance violated, the errors are -0.2 rad" in result.error_string
+
+
+def test_goal___of_another_joint___is_refused(controller: Any) -> None:  # noqa: ANN401
+    result = run(controller, _Goal("elbow"))
+    assert (result.error_code, controller.followed) == (-2, None)
+    assert "no joint 'elbow' (known: hub)" in result.error_string
