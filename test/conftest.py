@@ -10,6 +10,8 @@ from hypothesis import HealthCheck, settings
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from xdist.workermanage import WorkerController
+
 # As in the command: the matrices are small, and the threads of BLAS would wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -28,7 +30,43 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 # A run says today what it says tomorrow; `--hypothesis-profile explore` looks elsewhere each time.
 settings.register_profile("explore", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("flexarm", settings.get_profile("explore"), derandomize=True)
+settings.register_profile("exhaustive", settings.get_profile("flexarm"))
 settings.load_profile("flexarm")
+
+
+_LEFT_OUT = pytest.StashKey[int]()
+"""Number of exhaustive tests that were left out."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[_LEFT_OUT] = 0
+
+
+def pytest_deselected(items: list[pytest.Item]) -> None:
+    if items and "not exhaustive" in items[0].config.option.markexpr:
+        exhaustive = [item for item in items if item.get_closest_marker("exhaustive")]
+        items[0].config.stash[_LEFT_OUT] += len(exhaustive)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: WorkerController) -> None:
+    # Each worker has collected all.
+    node.config.stash[_LEFT_OUT] = getattr(node, "workeroutput", {}).get("left_out", 0)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    if (output := getattr(session.config, "workeroutput", None)) is not None:
+        output["left_out"] = session.config.stash[_LEFT_OUT]
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    if number := config.stash[_LEFT_OUT]:
+        terminalreporter.write_line(
+            f"left out: {number} exhaustive tests, and further seeds of others; "
+            "./flexarm test --exhaustive runs them all"
+        )
 
 
 # Part of the run in which the files of system tests begin: none of them ends it alone.

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from flexarm_daq import RigParameters
-from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.experiments.catalogue import catalogue, experiment
 from flexarm_ident.subspace.loop_test import is_closed_loop
 from reproduction.framework.rig import run_experiment
 
@@ -20,7 +20,13 @@ def is_judged_right(name: str, noise_v: float) -> bool:
     return is_closed_loop(run_experiment(entry, rig, seed=1)) is entry.closed_loop
 
 
-@pytest.mark.parametrize("name", EACH_KIND)
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in EACH_KIND else pytest.param(name, marks=pytest.mark.exhaustive)
+        for name in catalogue()
+    ],
+)
 def test_is_closed_loop___experiment_of_the_thesis___is_told_by_its_signals(name: str) -> None:
     assert is_judged_right(name, 0.02)
 

@@ -19,6 +19,7 @@ from flexarm_core.channels import BOUND_V
 from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
+from support.exhaustive import wide
 from support.recorded_samples import States, declarations
 from support.system_graph import ROOT, fill_disk
 
@@ -64,7 +65,8 @@ def test_experiments___are_recorded_as_the_tables_say_and_repeat_themselves(
 
     sign_of_the_old_one = tmp_path / "first" / "R_dat7" / "R_dat7_1.mcap"
     sign_of_the_old_one.touch()
-    again = run(graph, tmp_path / "first", "R_dat7", "--overwrite")
+    repeated = wide(["R_dat7"], ["R_dat7", "O_dat5"])
+    again = run(graph, tmp_path / "first", *repeated, "--overwrite")
     assert again == first
     assert not sign_of_the_old_one.exists()
     left = {path.name for path in (tmp_path / "first").iterdir()}

@@ -31,9 +31,17 @@ def failed_run(graph: Graph, folder: Path, pace: str, daq: dict[str, Any]) -> st
     return process.printed.splitlines()[-1]
 
 
+STUCK, NO_NUMBER = ("stuck", "is stuck at"), ("not_a_number", "is not a number")
+
+
 @pytest.mark.parametrize(
     ("fault", "reason", "pace"),
-    [("stuck", "is stuck at", "--real-time"), ("not_a_number", "is not a number", "--fast")],
+    [
+        (*STUCK, "--real-time"),
+        (*NO_NUMBER, "--fast"),
+        pytest.param(*STUCK, "--fast", marks=pytest.mark.exhaustive),
+        pytest.param(*NO_NUMBER, "--real-time", marks=pytest.mark.exhaustive),
+    ],
 )
 def test_sensor_fault_in_an_experiment___ends_it_with_the_reason_and_keeps_the_record(
     graph: Graph, tmp_path: Path, fault: str, reason: str, pace: str

@@ -81,7 +81,13 @@ def test_policies___are_as_sros2_has_them() -> None:
 @pytest.mark.parametrize(
     "verb",
     # One of each way to the graph: reports, an arm that is looked for, the doctor's own node.
-    ["status", "reference 1", "doctor"],
+    [
+        *("status", "reference 1", "doctor"),
+        *(
+            pytest.param(verb, marks=pytest.mark.exhaustive)
+            for verb in ("stop", "set daq rate_hz=100.0", "activate daq", "deactivate daq")
+        ),
+    ],
 )
 def test_verb___listens_on_loopback_alone(graph: Graph, verb: str) -> None:
     process = graph.run([str(ROOT / "flexarm"), *verb.split()])

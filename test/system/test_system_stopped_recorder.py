@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from support.exhaustive import wide
 from support.recorded_samples import States, answered_samples
 
 if TYPE_CHECKING:
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.system, pytest.mark.slow]
 
-SAMPLES = 16_000
-"""A third more than a reader that is stopped can leave to its writer."""
+SAMPLES = wide(16_000, 24_000)
+"""At least a third more than a reader that is stopped can leave to its writer."""
 
 
 def test_record___recorder_stopped_for_seconds___has_every_sample_and_command(

@@ -22,6 +22,7 @@ from support.bag_samples import (
     write_bag,
 )
 from support.damaged_bags import CHUNK, Recording, content, content_of_file, damaged_copy
+from support.exhaustive import wide
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -77,7 +78,7 @@ def test_copy___keeps_definitions_and_durability(tmp_path: Path) -> None:
         assert profile.durability is QosDurability.TRANSIENT_LOCAL
 
 
-@settings(max_examples=30)
+@settings(max_examples=wide(30, 60))
 @given(st.data())
 def test_file_cut_anywhere___every_whole_chunk_is_saved(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
@@ -104,7 +105,7 @@ def test_file_cut_anywhere___every_whole_chunk_is_saved(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("indexed", [True, False])
-@settings(max_examples=30)
+@settings(max_examples=wide(30, 60))
 @given(data=st.data())
 def test_one_wrong_byte_in_a_chunk___costs_the_messages_of_that_chunk(
     tmp_path_factory: pytest.TempPathFactory,
@@ -132,7 +133,7 @@ def test_one_wrong_byte_in_a_chunk___costs_the_messages_of_that_chunk(
 
 
 @pytest.mark.slow
-@settings(max_examples=50)
+@settings(max_examples=wide(50, 100))
 @given(st.data())
 def test_one_wrong_byte_anywhere___no_message_is_changed(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
@@ -152,7 +153,7 @@ def test_one_wrong_byte_anywhere___no_message_is_changed(
 
 
 @pytest.mark.slow
-@settings(max_examples=50)
+@settings(max_examples=wide(50, 100))
 @given(st.data())
 def test_cut_and_wrong_bits___every_whole_chunk_is_saved_and_nothing_is_changed(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject

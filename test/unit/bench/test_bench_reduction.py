@@ -14,16 +14,17 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 
-def test_bench_reduction___one_record_each___bear_out_the_claims_of_tables_3_1_to_3_3(
-    tmp_path: Path,
+@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.exhaustive)])
+def test_bench_reduction___few_records___bear_out_the_claims_of_tables_3_1_to_3_3(
+    tmp_path: Path, seeds: int
 ) -> None:
     file = tmp_path / "trials.json"
-    done = run_bench("ident.reduction", "--seeds", "1", "--json", str(file))
+    done = run_bench("ident.reduction", "--seeds", str(seeds), "--json", str(file))
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("1 of 1") == 6
+    assert done.stdout.count(f"{seeds} of {seeds}") == 6
     trials: list[dict[str, Any]] = json.loads(file.read_text("utf-8"))
     assert [(each["experiment"], each["seed"]) for each in trials] == [
-        (name, seed) for name in ("C_dat3", "C_dat11") for seed in range(1)
+        (name, seed) for name in ("C_dat3", "C_dat11") for seed in range(seeds)
     ]
     assert np.abs([each["mode_errors"] for each in trials]).max() < 0.05
     for each in trials:

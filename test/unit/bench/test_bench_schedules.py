@@ -34,13 +34,14 @@ from flexarm_daq.loop.exchange import Record
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.nodes.recording import Recording
 from support.bag_samples import START_NS, arm_state, header, serialised
+from support.exhaustive import wide
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
 PARTS = 3
-SEEDS = 60
+SEEDS = wide(60, 100)
 MOST_EVENTS = 12
 QUIET_NS = 500_000_000
 

@@ -10,13 +10,14 @@ import scipy
 
 from flexarm_core.errors import DataError
 from flexarm_ident import IoData, identify_modes
+from support.exhaustive import wide
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.estimation.output_only import OutputMode, OutputModes
 
 SHAPES = np.array([[1.0, 0.5], [0.3, 1.0]])
-SEEDS = 10
+SEEDS = wide(10, 20)
 
 
 def record(y: FloatArray, rate_hz: float) -> IoData:

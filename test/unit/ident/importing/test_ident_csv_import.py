@@ -16,6 +16,7 @@ from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
+from support.exhaustive import wide
 from support.hostile_texts import doubled
 from support.project import PROJECT, SHARED
 
@@ -238,7 +239,7 @@ def test_import___existing_bag___is_not_overwritten(tmp_path: Path) -> None:
         import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 
-@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=wide(12, 25), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     values=st.lists(
         st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 2), min_size=2, max_size=20

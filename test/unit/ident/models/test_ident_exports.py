@@ -18,6 +18,7 @@ from flexarm_ident.models import mat
 from flexarm_ident.models.files import EXPORTS, FORMATS, load_model, parse_exports, save_model
 from flexarm_ident.models.mat_reader import answer
 from flexarm_ident.models.model_parameters import ModelFileError, model_hash, model_parameters
+from support.exhaustive import wide
 from support.ident_systems import DT_S, random_model
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def test_load_model___saved_model___returns_every_bit(tmp_path: Path, suffix: st
 
 @pytest.mark.usefixtures("mat_in_this_process")
 @pytest.mark.parametrize("suffix", READ_BACK)
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=wide(20, 40), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(model=models())
 def test_load_model___any_saved_model_in_one_process___returns_every_bit(
     tmp_path: Path, suffix: str, model: control.StateSpace
@@ -285,7 +286,7 @@ def test_load_model___mat_file_with_odd_variable___is_refused(
 
 
 @pytest.mark.parametrize("suffix", [".yaml", ".json"])
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=wide(20, 40), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_load_model___damaged_text___is_refused_or_unharmed(
     tmp_path: Path, suffix: str, data: st.DataObject
@@ -293,7 +294,7 @@ def test_load_model___damaged_text___is_refused_or_unharmed(
     assert_refused_or_unharmed(saved(tmp_path, suffix), data)
 
 
-@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=wide(8, 40), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_load_model___damaged_mat_file___is_refused_or_unharmed(
     tmp_path: Path, data: st.DataObject

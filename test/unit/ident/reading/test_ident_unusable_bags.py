@@ -22,6 +22,7 @@ from support.bag_samples import (
     reference,
     write_bag,
 )
+from support.exhaustive import wide
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -213,7 +214,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes, IoData
 
 
 @pytest.mark.slow
-@settings(max_examples=75)
+@settings(max_examples=wide(75, 150))
 @given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
 def test_read___one_flipped_bit___never_changes_a_value_unnoticed(
     whole: tuple[Path, bytes, IoData], place: float, bit: int

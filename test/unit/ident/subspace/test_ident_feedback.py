@@ -11,6 +11,7 @@ from flexarm_ident import IoData, preprocess, read_bag
 from flexarm_ident.subspace.feedback import feedback_test
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.loop_test import is_closed_loop
+from support.exhaustive import wide
 from support.ident_systems import DT_S, arm_model, random_model, square_wave, step_by_step
 from support.project import BAGS
 
@@ -217,7 +218,7 @@ def closed_loop(seed: int, law: str, *, noise: float, delay: int = 0, held: int 
 def test_is_closed_loop___controller___is_found_with_its_delay(
     law: str, delay: int, held: int
 ) -> None:
-    for seed in range(10 if (delay, held) == (0, 1) else 5):
+    for seed in range(wide(10, 30) if (delay, held) == (0, 1) else 5):
         data = closed_loop(seed, law, noise=0.005, delay=delay, held=held)
         if np.abs(data.u).max() < LIMIT:  # a delay may make a loop unstable
             assert is_closed_loop(data) is True, f"seed {seed}"

@@ -37,18 +37,22 @@ _READ = (
 )
 # The numpy of an older Python has other annotations, which contradict the newer ones.
 _TYPED_FROM = (3, 11)
-_QUICK = ("unit tests", ("pytest", "-n", "auto", *BY_FILE, "-m", "not slow", *_QUICK_FOLDERS))
+_QUICK_ONES = ("-m", "not slow and not exhaustive", *_QUICK_FOLDERS)
+_QUICK = ("unit tests", ("pytest", "-n", "auto", *BY_FILE, *_QUICK_ONES))
 # What the tests of a file share is computed once: a file stays with one worker. System tests wait
 # more than they work: between the others, and with one worker more, they leave no core idle.
 _WORKERS = str((os.cpu_count() or 1) + 1)
-_ALL = ("tests", ("pytest", "-n", _WORKERS, *BY_FILE))
+_ALL = ("pytest", "-n", _WORKERS, *BY_FILE)
+_DEFAULT = ("tests", (*_ALL, "-m", "not exhaustive"))
+_EXHAUSTIVE = ("tests", (*_ALL, "--hypothesis-profile", "exhaustive"))
 
 
 @click.command(context_settings=RUN_ON)
 @click.option("--quick", is_flag=True, help="Lint, types and quick unit tests: three minutes.")
+@click.option("--exhaustive", is_flag=True, help="Every seed and every combination, too.")
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
-@examples("test", "test --quick", "test test/unit -k margins")
-def test(arguments: tuple[str, ...], *, quick: bool) -> None:
+@examples("test", "test --quick", "test --exhaustive", "test test/unit -k margins")
+def test(arguments: tuple[str, ...], *, quick: bool, exhaustive: bool) -> None:
     """Lint, check types and run the tests.
 
     With arguments, run pytest with them only.
@@ -58,6 +62,9 @@ def test(arguments: tuple[str, ...], *, quick: bool) -> None:
             f"--quick chooses the tests: leave out {' '.join(arguments)}, or leave out --quick and "
             'say -m "not slow"'
         )
+    if exhaustive and (quick or arguments):
+        other = "--quick" if quick else " ".join(arguments)
+        raise click.UsageError(f"--exhaustive runs every test: leave it out, or leave out {other}")
     root = checkout("tests")
     if find_spec("pytest") is None:
         raise LaunchError(
@@ -67,13 +74,14 @@ def test(arguments: tuple[str, ...], *, quick: bool) -> None:
     failed = [] if arguments else list(_failed_side_by_side(checks, root))
     if left_out and not arguments:
         terminal.CONSOLE.print(f"  {left_out}")
-    name, command = ("tests", ("pytest", *arguments)) if arguments else _QUICK if quick else _ALL
+    chosen = _QUICK if quick else _EXHAUSTIVE if exhaustive else _DEFAULT
+    name, command = ("tests", ("pytest", *arguments)) if arguments else chosen
     if not passes(name, command, root):
         failed.append(name)
     if quick:
         terminal.CONSOLE.print(
             "  left out: tests marked slow, property, fault and system tests; "
-            "./flexarm test runs them all"
+            "./flexarm test runs them"
         )
     if failed:
         terminal.CONSOLE.print(f"failed: {', '.join(failed)}", style="bold red")

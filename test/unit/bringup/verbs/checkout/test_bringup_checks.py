@@ -39,17 +39,24 @@ def test_quick___runs_no_slow_and_no_system_test(commands: list[list[str]]) -> N
     assert sorted(tools[:4]) == ["mypy", "pytest", "ruff", "ruff"]
     assert tools[4:] == ["pytest"]
     assert result.output.count("said") == 4
-    assert commands[-1][-4:] == ["-m", "not slow", "test/unit", "test/architecture"]
+    chosen = ["-m", "not slow and not exhaustive", "test/unit", "test/architecture"]
+    assert commands[-1][-4:] == chosen
     assert "left out: tests marked slow" in result.output
     assert "failed: format" in result.output
 
 
-def test_all___runs_unit_and_system_tests(commands: list[list[str]]) -> None:
-    CliRunner().invoke(verb, [])
+@pytest.mark.parametrize(
+    ("option", "chosen"),
+    [([], ["-m", "not exhaustive"]), (["--exhaustive"], ["--hypothesis-profile", "exhaustive"])],
+)
+def test_all___runs_unit_and_system_tests(
+    commands: list[list[str]], option: list[str], chosen: list[str]
+) -> None:
+    CliRunner().invoke(verb, option)
     # What the tests of a file share is computed once; no folder is left out.
     workers = str((os.cpu_count() or 1) + 1)
     by_file = ["--dist", "loadfile", "--no-loadscope-reorder"]
-    assert commands[-1] == ["pytest", "-n", workers, *by_file]
+    assert commands[-1] == ["pytest", "-n", workers, *by_file, *chosen]
 
 
 def test_all___runs_the_examples_of_docstrings_and_pages(commands: list[list[str]]) -> None:
@@ -88,6 +95,13 @@ def test_quick___with_arguments___is_refused() -> None:
     result = CliRunner().invoke(verb, ["--quick", "test/unit"])
     assert result.exit_code == 2
     assert "--quick chooses the tests" in result.output
+
+
+@pytest.mark.parametrize("other", ["--quick", "test/unit"])
+def test_exhaustive___with_another_choice___is_refused(other: str) -> None:
+    result = CliRunner().invoke(verb, ["--exhaustive", other])
+    assert result.exit_code == 2
+    assert f"--exhaustive runs every test: leave it out, or leave out {other}" in result.output
 
 
 @pytest.mark.parametrize(
