@@ -128,7 +128,9 @@ def looked_on(address: str) -> tuple[dict[str, Any], list[tuple[str, str]], int]
     return hello, shown, frames
 
 
-@pytest.mark.parametrize("moment", ["Starting the nodes", "Identifying"])
+@pytest.mark.parametrize(
+    "moment", [pytest.param("Starting the nodes", marks=pytest.mark.exhaustive), "Identifying"]
+)
 def test_demo___interrupted___leaves_no_process_and_no_bag(
     graph: Graph, tmp_path: Path, moment: str
 ) -> None:
