@@ -78,9 +78,15 @@ def test_fit___no_start_beats_the_other_model___ends_after_the_first_of_them(
 
 
 @pytest.mark.slow
-def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion() -> None:
+@pytest.mark.parametrize(
+    ("levels", "skip", "samples"),
     # Cut while a joint turns with 0.9 rad/s and more.
-    record, joints = rubbing_arm(TWO, skip=660, samples=1500), len(TWO)
+    [(ONE, 830, 3000), pytest.param(TWO, 660, 1500, marks=pytest.mark.exhaustive)],
+)
+def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
+    levels: tuple[float, ...], skip: int, samples: int
+) -> None:
+    record, joints = rubbing_arm(levels, skip=skip, samples=samples), len(levels)
     times_s = record.dt_s * np.arange(9)
     speeds, places = np.polyfit(times_s, record.y[:9, :joints], 1)
     assert np.abs(speeds).max() > 0.9
@@ -90,7 +96,7 @@ def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion() -> Non
     ]
     fit = fit_arm(record, drives)
     assert fit.friction_model == FrictionModel.COULOMB
-    assert fit.friction.levels == pytest.approx(TWO, rel=0.05)
+    assert fit.friction.levels == pytest.approx(levels, rel=0.05)
     # Most starts end in another valley, where a bend lacks a mode and errs by 0.06.
     assert np.all(fit.error < 0.05)
     x0 = fit.x0[0]
@@ -101,7 +107,11 @@ def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion() -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("rise", "load", "friction_model"),
-    [(0.5, 0.0, FrictionModel.STRIBECK), (0.0, 0.15, FrictionModel.LOAD), (0.5, 0.15, BOTH)],
+    [
+        (0.5, 0.0, FrictionModel.STRIBECK),
+        pytest.param(0.0, 0.15, FrictionModel.LOAD, marks=pytest.mark.exhaustive),
+        (0.5, 0.15, BOTH),
+    ],
 )
 def test_fit___friction_of_each_rung___is_told_by_halves_left_out(
     rise: float, load: float, friction_model: FrictionModel
