@@ -26,7 +26,7 @@ from flexarm_ident.fitting.validation import mean_error, relative_errors
 from flexarm_ident.friction.direction_test import recurs_with_direction
 from flexarm_ident.friction.joint_fit import fit_joints
 from flexarm_ident.friction.layout import arm_layout, joints
-from flexarm_ident.friction.levels import estimate_coulomb
+from flexarm_ident.friction.levels import estimate_coulomb, net_record
 from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import is_defective, modal_form
@@ -44,9 +44,11 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.friction.joint_fit import Start
     from flexarm_ident.friction.layout import ArmLayout
     from flexarm_ident.friction.levels import CoulombEstimate
     from flexarm_ident.records.source import Source
+    from flexarm_ident.subspace.choice import Selection
 
 ARM = "arm"
 """Method of a model that is an arm with dry friction."""
@@ -191,7 +193,8 @@ def _with_joints(found: Identification, progress: Progress | None) -> Identifica
         return None
     levels = np.maximum(coulomb.levels, coulomb.deviations)
     fit = fit_joints(
-        *(found.model, _joint_starts(found), records[0], coulomb.drives, levels), progress=progress
+        *(found.model, _joint_starts(found, coulomb), records[0], coulomb.drives, levels),
+        progress=progress,
     )
     start_error = _errors(_simulated(found.model, found.x0, records), records)
     if fit is None or not (fit.is_better and _better(fit.error, start_error)):
@@ -220,18 +223,33 @@ def _with_joints(found: Identification, progress: Progress | None) -> Identifica
     )
 
 
-def _joint_starts(found: Identification) -> Iterator[tuple[control.StateSpace, FloatArray]]:
-    """Yield linear models of rising order, with their initial states, as far as the data allow."""
-    records, row = found.records, METHODS[_START_METHOD]
+def _joint_starts(found: Identification, coulomb: CoulombEstimate) -> Iterator[Iterator[Start]]:
+    """Yield linear models of rising order, with their initial states, as far as the data allow.
+
+    The first of each order is that of the record without the friction that is seen in it.
+    """
+    whole = found.records[0]
     with suppress(FlexarmError):
-        selection = estimate(records, records, row.name, found.block_rows, feedthrough=False)
-        most = min(_MOST_STATES, largest_order(selection.space))
+        selections = [
+            (
+                record,
+                estimate([record], [record], _START_METHOD, found.block_rows, feedthrough=False),
+            )
+            for record in (net_record(whole, coulomb), whole)
+        ]
+        most = min(_MOST_STATES, *(largest_order(each.space) for _, each in selections))
         for order in range(_FEWEST_STATES, 1 + most, 2):
+            yield _of_order(order, selections)
+
+
+def _of_order(order: int, selections: Sequence[tuple[IoData, Selection]]) -> Iterator[Start]:
+    for record, selection in selections:
+        with suppress(FlexarmError):
             start = fitted(
-                *(selection, order, records),
+                *(selection, order, [record]),
                 stable=True,
                 feedthrough=False,
-                noise_weighted=row.noise_weighted,
+                noise_weighted=METHODS[_START_METHOD].noise_weighted,
             )
             if not is_defective(modal_form(start.model).vectors):
                 yield start.model, start.fit.x0[0]

@@ -16,7 +16,7 @@ from flexarm_ident.models.stick_slip import add_product, friction_force
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import BoolArray, FloatArray
 
 
 @compiled
@@ -25,6 +25,7 @@ def guided_steps(  # noqa: C901, PLR0912, PLR0915, PLR0917 (compiled code of one
     B: FloatArray,
     C: FloatArray,
     pair: NDArray[np.intp],
+    rigid: BoolArray,
     gain: FloatArray,
     speed: FloatArray,
     law: FloatArray,
@@ -44,6 +45,8 @@ def guided_steps(  # noqa: C901, PLR0912, PLR0915, PLR0917 (compiled code of one
         Model in real modal form.
     pair : ndarray of int, (states,)
         The other state of each pair, and the own number of a single state.
+    rigid : ndarray of bool, (states,)
+        States of pairs that are a position and its speed, see `joint_fit`.
     gain : ndarray, (states, outputs)
         Correction of the state by the errors of the outputs.
     speed : ndarray, (inputs, states)
@@ -106,7 +109,11 @@ def guided_steps(  # noqa: C901, PLR0912, PLR0915, PLR0917 (compiled code of one
             if other != i:
                 for p in range(count):
                     ahead[i, p] += A[i, other] * slopes[other, p]
-            if other >= i:
+            if rigid[i]:
+                if other < i:
+                    ahead[i, other] -= x[other]
+                    ahead[i, i] += x[i]
+            elif other >= i:
                 ahead[i, i] += x[i]
                 if other > i:
                     ahead[i, other] += x[other]

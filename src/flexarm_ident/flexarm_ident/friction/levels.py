@@ -7,7 +7,7 @@ level is one more coefficient of a linear regression of the input.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -129,6 +129,19 @@ def estimate_coulomb(data: IoData | Sequence[IoData], drives: Sequence[Drive]) -
         tuple(samples),
         tuple(significant),
     )
+
+
+def net_record(record: IoData, estimate: CoulombEstimate) -> IoData:
+    """Return a record whose inputs lack the friction of an estimate, as far as motion tells it.
+
+    It is the level against the direction of motion, and a part of it where a drive does not slip.
+    """
+    columns = [drive_columns(record, drive) for drive in estimate.drives]
+    speed = _motion(record, estimate.drives, columns).speed
+    direction = np.clip(speed / (_SLIPPING * np.abs(speed).max(axis=0)), -1.0, 1.0)
+    u = record.u.copy()
+    u[:, [given for given, _ in columns]] -= estimate.levels * direction
+    return replace(record, u=u)
 
 
 class _Motion(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +18,9 @@ from flexarm_ident.friction.dry_friction import (
     simulate_with_friction,
 )
 from flexarm_ident.friction.guided_steps import guided_steps
-from flexarm_ident.friction.joint_fit import fit_joints
+from flexarm_ident.friction.joint_fit import JointFit, fit_joints
 from flexarm_ident.friction.layout import Drive, joints
+from flexarm_ident.friction.levels import CoulombEstimate, estimate_coulomb, net_record
 from flexarm_ident.models.files import save_model
 from flexarm_ident.models.state_space import state_space
 
@@ -27,12 +29,14 @@ if TYPE_CHECKING:
 
     import control
 
+    from flexarm_core.arrays import FloatArray
+
 DT_S = 0.002
 LEVEL = 0.12
 NONE = np.zeros(1)
 
 
-def _arm(level: float, rest: float = 0.8) -> tuple[control.StateSpace, DryFriction]:
+def _arm(level: float) -> tuple[control.StateSpace, DryFriction]:
     """Return an arm of hub and one bending mode, with encoder, gauge and gyroscope of the tip."""
     inertia = np.array([[0.06, 0.02], [0.02, 0.01]])
     stiffness, damping = np.diag([0.0, 25.0]), np.diag([0.05, 0.005])
@@ -48,7 +52,7 @@ def _arm(level: float, rest: float = 0.8) -> tuple[control.StateSpace, DryFricti
     model = state_space(
         A_d, B_d, C, 0.0, DT_S, inputs=["torque"], outputs=["encoder", "gauge", "gyro"]
     )
-    yielding = Yielding(np.array([rest]), np.array([0.1]))
+    yielding = Yielding(np.array([0.8]), np.array([0.1]))
     speed = np.array([[0.0, 0.0, 1.0, 0.0]])
     return model, DryFriction(np.array([level]), NONE, NONE, NONE, speed, yielding=yielding)
 
@@ -91,9 +95,12 @@ def test_yielding___file___is_read_as_written(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.holds, friction.holds)
 
 
-def test_derivatives_of_guided_steps___every_parameter___are_those_of_differences() -> None:
-    rng = np.random.default_rng(0)
-    pair = np.array([1, 0, 2])
+@pytest.mark.parametrize("kind", ["mode", "rigid motion"])
+def test_derivatives_of_guided_steps___every_parameter___are_those_of_differences(
+    kind: str,
+) -> None:
+    rng, rigid = np.random.default_rng(0), kind == "rigid motion"
+    pair, motion = np.array([1, 0, 2]), np.array([rigid, rigid, False])
     first = np.concatenate(
         [
             [0.95, 0.2, 0.99, 0.05, 0.1, 0.08],
@@ -107,11 +114,14 @@ def test_derivatives_of_guided_steps___every_parameter___are_those_of_difference
     u, y = rng.standard_normal((40, 1)), rng.standard_normal((40, 2))
 
     def stepped(theta: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        A = np.array([[theta[0], theta[1], 0], [-theta[1], theta[0], 0], [0, 0, theta[2]]])
+        A = np.diag([theta[0], theta[0], theta[2]])
+        A[0, 1], A[1, 0] = theta[1], -theta[1]
+        if rigid:
+            A[:2, :2] = [[1.0, 1.0], [-theta[0], theta[1]]]
         return guided_steps(
-            *(A, theta[3:6, np.newaxis].copy(), theta[6:12].reshape(2, 3).copy(), pair, gain),
-            *(theta[19:].reshape(1, 3).copy(), theta[15:18].reshape(3, 1).copy()),
-            *(u - theta[18], y, theta[12:15].copy(), slopes),
+            *(A, theta[3:6, np.newaxis].copy(), theta[6:12].reshape(2, 3).copy()),
+            *(pair, motion, gain, theta[19:].reshape(1, 3).copy()),
+            *(theta[15:18].reshape(3, 1).copy(), u - theta[18], y, theta[12:15].copy(), slopes),
         )
 
     slopes = np.zeros((3, len(first)))
@@ -126,23 +136,62 @@ def test_derivatives_of_guided_steps___every_parameter___are_those_of_difference
         )
 
 
-@pytest.mark.slow
-def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -> None:
-    record = _record(12_000)
-    found = [identify(record, friction=False, method="pbsid", order=order) for order in (2, 4, 6)]
+def _linear(record: IoData, order: int) -> tuple[control.StateSpace, FloatArray]:
+    found = identify(record, friction=False, feedthrough=False, method="pbsid", order=order)
+    return found.model, found.x0[0]
 
+
+def _fitted(record: IoData) -> JointFit:
+    """Return the fit from starts of several orders."""
     drives = joints([record])
     assert drives is not None
-    starts = [(each.model, each.x0[0]) for each in found]
-    fit = fit_joints(found[0].model, starts, record, drives, np.array([0.8 * LEVEL]))
-
     assert [drive.output for drive in drives] == ["encoder"]
+    net = net_record(record, estimate_coulomb(record, drives))
+    starts = [[_linear(each, order) for each in (net, record)] for order in (2, 4, 6)]
+    fit = fit_joints(starts[0][1][0], starts, record, drives, np.array([0.8 * LEVEL]))
     assert fit is not None
+    return fit
+
+
+@pytest.mark.slow
+def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -> None:
+    fit = _fitted(_record(12_000))
+
     assert fit.is_better
     assert fit.model.nstates >= 4
     deviation = fit.friction.level_deviations[0]
     assert abs(fit.friction.levels[0] - LEVEL) < 2.0 * deviation < 0.1 * LEVEL
     assert np.all(fit.error < 3.0 * 0.0015)
+    assert np.abs(np.linalg.eigvals(fit.model.A)).max() <= 1.0
+
+
+@pytest.mark.slow
+def test_output_that_no_linear_model_has___fit___leaves_the_others_at_their_noise() -> None:
+    record = _record(8000)
+    bent = record.y[:, 1]
+    y = record.y.copy()
+    y[:, 1] += 0.2 * bent * np.abs(bent) / np.abs(bent).max()
+
+    fit = _fitted(replace(record, y=y))
+
+    assert fit.error[0] < 3.0 * 0.0015
+    assert fit.error[1] > 0.01
+    assert fit.friction.levels[0] == pytest.approx(LEVEL, rel=0.03)
+
+
+def test_friction_of_a_drive___net_record___lacks_it_where_the_drive_slips() -> None:
+    time_s = DT_S * np.arange(4000)
+    hub, u = np.sin(2.0 * time_s), np.zeros((4000, 1))
+    record = IoData(u, hub[:, np.newaxis], dt_s=DT_S, inputs=("u",), outputs=("hub",))
+    one = np.array([0.3])
+    estimate = CoulombEstimate((Drive("u", "hub"),), one, one, NONE, (4000,), (True,))
+
+    net = net_record(record, estimate)
+
+    slips = np.abs(np.cos(2.0 * time_s)) > 0.2
+    slips[:200] = slips[-200:] = False
+    np.testing.assert_allclose(net.u[slips, 0], -0.3 * np.sign(np.cos(2.0 * time_s[slips])))
+    assert np.abs(net.u).max() <= 0.3
 
 
 def test_arm_without_friction___fit___ends_with_the_first_prediction() -> None:
@@ -151,7 +200,7 @@ def test_arm_without_friction___fit___ends_with_the_first_prediction() -> None:
     told: list[float] = []
 
     fit = fit_joints(
-        *(start.model, [(start.model, start.x0[0])], record, (Drive("torque", "encoder"),)),
+        *(start.model, [[(start.model, start.x0[0])]], record, (Drive("torque", "encoder"),)),
         np.array([LEVEL]),
         progress=lambda _stage, part: told.append(part),
     )
