@@ -33,6 +33,8 @@ myst_heading_anchors = 3
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
+# These come with a ROS 2 installation, not with the wheels.
+autodoc_mock_imports = ["control_msgs", "trajectory_msgs"]
 # Nobody here writes types as comments, and the search for them takes long.
 autodoc_use_type_comments = False
 # Nor does anything here ask for the lines of a definition, which are a seventh of the whole time.
