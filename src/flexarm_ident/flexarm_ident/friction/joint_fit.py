@@ -24,10 +24,7 @@ from flexarm_ident.friction.dry_friction import DryFriction, Yielding, simulate_
 from flexarm_ident.friction.guided_error import GuidedError
 from flexarm_ident.friction.levels import SYSTEMATIC
 from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.state_space import (
-    state_space,
-    with_matrices,
-)
+from flexarm_ident.models.state_space import state_space, with_matrices
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -171,23 +168,27 @@ def _compared(
     """Return starts after the first steps, those to try first at the beginning."""
     found: list[_Found] = []
     least, idle, short = np.inf, 0, leading.head(_COMPARED_SAMPLES)
+
+    def guided(start: Start) -> _Found:
+        model, x0 = _own_start(*start, leading)
+        problem = GuidedError(model, short, levels, drives)
+        problem.weight = weight
+        minimum = Minimum(problem.start(x0, levels), np.inf, np.eye(0))
+        for part in _STEPS[:_COMPARED]:
+            minimum = problem.guided_minimum(minimum.theta, part, _FIRST_ITERATIONS)
+        return _Found(problem, minimum, minimum.cost)
+
     for of_order in starts:
         tried: list[_Found] = []
-        for model, x0 in of_order:
-            start, own = _own_start(model, x0, leading)
-            problem = GuidedError(start, short, levels, drives)
-            problem.weight = weight
-            minimum = Minimum(problem.start(own, levels), np.inf, np.eye(0))
-            for part in _STEPS[:_COMPARED]:
-                minimum = problem.guided_minimum(minimum.theta, part, _FIRST_ITERATIONS)
-            tried.append(_Found(problem, minimum, minimum.cost))
-            if minimum.cost < _WORTH**2 * short.y.size:
+        for start in of_order:
+            tried.append(guided(start))
+            if tried[-1].cost < _WORTH**2 * short.y.size:
                 break
-        best = min(tried, key=lambda each: each.cost)
-        if np.isfinite(best.cost):
-            found.append(best)
-        idle = 0 if best.cost < least / _WORTH else idle + 1
-        least = min(least, best.cost)
+        cost = min((each.cost for each in tried), default=np.inf)
+        if np.isfinite(cost):
+            found.append(min(tried, key=lambda each: each.cost))
+        idle = 0 if cost < least / _WORTH else idle + 1
+        least = min(least, cost)
         if idle >= _TRIED and least < _LOST**2 * short.y.size:
             break
     return sorted(found, key=lambda each: (max(each.cost, _WORTH * least), each.problem.n))

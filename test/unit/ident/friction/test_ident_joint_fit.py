@@ -209,6 +209,13 @@ def test_arm_without_friction___fit___ends_with_the_first_prediction() -> None:
     assert not told
 
 
+def test_orders_without_a_start___fit___is_none() -> None:
+    record = _record(4000)
+    start = identify(record, friction=False, method="pbsid", order=4)
+
+    assert fit_joints(start.model, [[], []], record, (Drive("torque", "encoder"),), NONE) is None
+
+
 def test_coupled_joints___layout___pairs_each_motor_with_the_joint_that_it_accelerates() -> None:
     rng = np.random.default_rng(5)
     # The first motor moves the second joint faster than its own one.
