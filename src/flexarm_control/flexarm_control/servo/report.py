@@ -12,6 +12,7 @@ from flexarm_core.labels import axis_label
 from flexarm_core.outputs import MARK_KEY
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.report.content.blocks import Plots, Table, Words
+from flexarm_ident.report.content.wording import sentence
 from flexarm_ident.report.page import render_page
 from flexarm_ident.report.plots import marks
 from flexarm_ident.report.plots.axis import Axis
@@ -109,11 +110,7 @@ def report(design: ServoDesign) -> str:
         ],
         "Loop": [Plots((("", _loop(design)),), wide=True)],
     }
-    return render_page(title, [_sentence(line) for line in told(design)], parts)
-
-
-def _sentence(line: str) -> str:
-    return f"{line[0].upper()}{line[1:]}."
+    return render_page(title, [sentence(line) for line in told(design)], parts)
 
 
 def _margins(design: ServoDesign) -> Table:

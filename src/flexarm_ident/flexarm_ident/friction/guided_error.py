@@ -45,7 +45,30 @@ _GROWTH = 1.003
 
 
 class GuidedError(ModalParameters):
-    """Prediction error over modal parameters, initial state and friction."""
+    """Prediction error over modal parameters, initial state and friction.
+
+    The last states are the rigid motions of the joints, with a stiffness and a damping in the
+    places of A. Behind the matrices and the initial state stand levels, rests, gives and offsets,
+    (4, inputs), and the map to the speeds, (inputs, states).
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete start with a basis of eigenvectors, without feedthrough.
+    record : IoData
+        Record without holes.
+    levels : ndarray, (inputs,)
+        Levels of the start, in units of the inputs.
+    drives : sequence of Drive
+        An output that tells the speed of the joint of each input.
+
+    Attributes
+    ----------
+    weight : ndarray, (outputs,)
+        Weights of the errors; 1 over the noise that the gain expects.
+    gain : ndarray, (states, outputs)
+        Gain of `guide`, zero for the free simulation.
+    """
 
     def __init__(
         self, model: control.StateSpace, record: IoData, levels: FloatArray, drives: Sequence[Drive]
@@ -55,12 +78,11 @@ class GuidedError(ModalParameters):
         self.gain = np.zeros((self.n, self.m))
         self._integrators: list[int] = []
         self._rigid = self._take_rigid_motions(len(drives))
-        self._pair, self._is_rigid = np.arange(self.n), np.zeros(self.n, dtype=np.bool_)
+        self._pair = np.arange(self.n)
+        self._is_rigid = self._pair >= self.n - 2 * len(self._rigid)
         for group in self.groups:
             if len(group) > 1:
                 self._pair[list(group)] = group[::-1]
-        for motion in self._rigid:
-            self._is_rigid[list(motion)] = True
         self._least = _LEAST * levels
         self._size = self.n * (2 + self.r + self.m)
         self._drives = drives
@@ -100,11 +122,6 @@ class GuidedError(ModalParameters):
             theta[[place, speed]] = -A[speed, place], A[speed, speed]
         return theta
 
-    def _pole(self, group: tuple[int, ...]) -> complex:
-        """Return an eigenvalue of the start, of the pair with basis vectors as real ones."""
-        first = self._basis[:, group[0]] + 1j * self._basis[:, group[-1]] * (len(group) > 1)
-        return complex(np.vdot(first, self._start.A @ first) / np.vdot(first, first))
-
     def _take_rigid_motions(self, joints: int) -> list[tuple[int, int]]:
         """Make the slowest two states of each joint a position and its speed, the last states.
 
@@ -113,7 +130,9 @@ class GuidedError(ModalParameters):
         friction, whose eigenvectors are nearly parallel.
         """
         A, basis = self._start.A, self._basis
-        order = sorted(self.groups, key=lambda group: abs(self._pole(group) - 1.0))
+        # A pair has one row a + bi of its eigenvalue, a single one its only entry.
+        moved = np.linalg.solve(basis, A @ basis) - np.eye(self.n)
+        order = sorted(self.groups, key=lambda group: np.linalg.norm(moved[group[0], group]))
         slow: list[tuple[int, ...]] = []
         while order and len(slow) < joints:
             group = order.pop(0)

@@ -46,7 +46,8 @@ def guided_steps(  # noqa: C901, PLR0912, PLR0915, PLR0917 (compiled code of one
     pair : ndarray of int, (states,)
         The other state of each pair, and the own number of a single state.
     rigid : ndarray of bool, (states,)
-        States of pairs that are a position and its speed, see `joint_fit`.
+        States of pairs that are a position and its speed, in this order; the parameters in their
+        places of A are a stiffness and a damping, see `guided_error`.
     gain : ndarray, (states, outputs)
         Correction of the state by the errors of the outputs.
     speed : ndarray, (inputs, states)

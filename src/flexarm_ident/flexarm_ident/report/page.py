@@ -16,7 +16,7 @@ from flexarm_core.outputs import MARK
 from flexarm_ident.diagnostics.verdict import fit_text
 from flexarm_ident.report.content.blocks import Card, Facts
 from flexarm_ident.report.content.match_gallery import first_match
-from flexarm_ident.report.content.wording import listed, short_labels
+from flexarm_ident.report.content.wording import listed, sentence, short_labels
 from flexarm_ident.report.script import content_policy, script
 from flexarm_ident.report.sections import sections
 from flexarm_ident.report.summary import cautions, remarks, summary
@@ -142,7 +142,7 @@ def card(subject: Subject) -> Card:
         level=str(found.level),
         verdict=f"The model is {found.level}",
         figures=tuple(_figures(found)),
-        next_step=f"{step[0].upper()}{step[1:]}.",
+        next_step=sentence(step),
         facts=Facts(tuple(_facts(subject))),
         picture=first_match(outcome),
     )

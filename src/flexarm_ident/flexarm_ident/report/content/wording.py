@@ -28,6 +28,11 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
+def sentence(words: str) -> str:
+    """Return words as a sentence, with a capital and a full stop."""
+    return f"{words[0].upper()}{words[1:]}."
+
+
 def ranges(numbers: Iterable[int]) -> str:
     """Return rising numbers with runs joined: ``7 to 12, 14``."""
     runs = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +51,7 @@ def _build(subject: Subject) -> Iterator[Block]:
         "A pole outside the unit circle is unstable. Slow poles lie near 1, poles at half the "
         "sampling rate near -1."
     )
-    yield Plots(tuple(_pole_zero_maps(outcome))[:_CHANNELS])
+    yield Plots(tuple(islice(_pole_zero_maps(outcome), _CHANNELS)))
     yield Words(
         "These are poles and zeros of the model from one input to one output. A zero beside a pole "
         "hides that motion from the output. A zero outside the unit circle, beside those near -1 "

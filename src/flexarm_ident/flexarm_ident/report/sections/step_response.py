@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,7 +54,7 @@ def _build(subject: Subject) -> Iterator[Block]:
         for j, source in enumerate(record.inputs)
         for i, output in enumerate(record.outputs)
     )
-    yield Plots(tuple(plots)[:_CHANNELS])
+    yield Plots(tuple(islice(plots, _CHANNELS)))
 
 
 SECTION = Section(105, "Step response", _build)
