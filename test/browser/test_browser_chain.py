@@ -36,6 +36,14 @@ def test_chain___by_clicks_alone___ends_in_a_step_with_the_tuned_law(
         "--order 40"
     )
     assert browser.ask("document.getElementById('report').pathname") == "/report/C_dat3"
+    browser.click("#others button")
+    browser.click("#compare")
+    browser.wait_for("document.getElementById('comparison').checkVisibility()")
+    (comparison,) = asked(mock, "compare")
+    assert (comparison["bag"], comparison["models"]) == ("C_dat3", ["yesterday"])
+    assert (comparison["order"], comparison["known_modes_hz"]) == (40, [pytest.approx(9.02)])
+    address = "document.getElementById('comparison').pathname"
+    assert browser.ask(address) == "/report/C_dat3/comparison"
     browser.click("#tab_tune")
     browser.click("#tune")
     browser.click("#apply")

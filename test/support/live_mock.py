@@ -24,6 +24,7 @@ from flexarm_live.serving.encoding import as_json
 from support.live_mock_lab import (
     MockArm,
     MockLinks,
+    compared,
     frame,
     greeting,
     greeting_of,
@@ -199,6 +200,7 @@ class LiveMock:
         verb = request["do"]
         jobs: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "identify": self._identified,
+            "compare": compared,
             "tune": tuned,
             "experiment": self._recorded,
         }

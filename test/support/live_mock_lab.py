@@ -281,9 +281,17 @@ def identified(request: dict[str, Any]) -> dict[str, Any]:
         },
         "report": f"/report/{request['bag']}",
         "bag": request["bag"],
-        "models": [request["bag"]],
+        "models": [request["bag"], "yesterday"],
         "warnings": ["The record is short."],
         "command": f"./flexarm identify {request['bag']} --order {request.get('order') or 10}",
+    }
+
+
+def compared(request: dict[str, Any]) -> dict[str, Any]:
+    """Return the result of a comparison."""
+    return {
+        "comparison": f"/report/{request['bag']}/comparison",
+        "command": f"./flexarm report {request['bag']} {' '.join(request['models'])}",
     }
 
 

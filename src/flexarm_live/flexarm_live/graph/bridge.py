@@ -189,7 +189,7 @@ class Bridge:
         return ""
 
     def report(self, name: str) -> bytes | None:
-        """Return the report of an identified model; None when there is none of that name."""
+        """Return the report of an identified model, or its comparison; see `Store.report`."""
         return self._store.report(name)
 
     def place_for(self, name: str) -> Path:
@@ -341,6 +341,11 @@ class Bridge:
     async def _on_identify(self, **asked: Any) -> Answer:  # noqa: ANN401 - checked fields
         number = self._jobs.start("identify", self._chain.identification(**asked))
         return Answer(f"identifying {asked['bag']}", {"job": number})
+
+    async def _on_compare(self, **asked: Any) -> Answer:  # noqa: ANN401 - checked fields
+        # The process that identifies does one thing at a time.
+        number = self._jobs.start("identify", self._chain.comparison(**asked))
+        return Answer(f"comparing models on {asked['bag']}", {"job": number})
 
     async def _on_tune(self, law: str, models: list[str], **margins: float) -> Answer:
         if not is_thesis_arm(self._rig):

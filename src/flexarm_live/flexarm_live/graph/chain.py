@@ -18,6 +18,7 @@ from flexarm_core.nearest import nearest
 from flexarm_core.patience import Patience
 from flexarm_daq.experiments.catalogue import experiment, on_rig
 from flexarm_live.graph.situation import EXPERIMENT
+from flexarm_live.graph.store import COMPARISON_FILE
 from flexarm_live.work.process import Computation
 
 if TYPE_CHECKING:
@@ -279,6 +280,22 @@ class Chain:
         signals = _taken_signals(asked)
         return identify_line(path, folder, _identify_request(**asked), signals)
 
+    def comparison(self, bag: str, models: list[str], **asked: Any) -> Work:  # noqa: ANN401
+        """Return the work of a comparison of a record's model with others, all on that record."""
+        path, page = self._store.bag(bag), self._store.model_folder(bag) / COMPARISON_FILE
+        others = [self._store.model_file(name).parent for name in models]
+        signals = _taken_signals(asked)
+        request = _identify_request(**asked)
+        job = {"bag": str(path), "request": request, "signals": signals}
+        job |= {"others": [str(each) for each in others], "page": str(page)}
+        command = compare_line([path, *others], page, request, signals)
+
+        async def work(report: Report) -> Mapping[str, Any]:
+            await self._identifying.run(job, report)
+            return {"comparison": f"/report/{bag}/comparison", "command": command}
+
+        return work
+
     def tuning(self, law: str, models: list[str], margins: Mapping[str, float]) -> Work:
         """Return the work of a tuning on models by their names."""
         files = self._model_files(models)
@@ -355,6 +372,23 @@ def identify_line(
         What the page names of the record: ``inputs``, ``outputs``, ``times``.
     """
     words = [_COMMAND, "identify", shown(bag), "-o", shown(folder)]
+    return shlex.join(words + _options(request, signals))
+
+
+def compare_line(
+    places: Sequence[Path],
+    page: Path,
+    request: Mapping[str, Any],
+    signals: Mapping[str, Sequence[str]],
+) -> str:
+    """Return the command line of a comparison of records and models; see `identify_line`."""
+    words = [_COMMAND, "report", *map(shown, places), "-o", shown(page)]
+    # A report reduces the model, unless told otherwise.
+    return shlex.join(words + _options({"reduction": "none", **request}, signals))
+
+
+def _options(request: Mapping[str, Any], signals: Mapping[str, Sequence[str]]) -> list[str]:
+    words: list[str] = []
     for name, texts in signals.items():
         words += [word for text in texts for word in (f"--{name.removesuffix('s')}", text)]
     for name, value in request.items():
@@ -362,7 +396,7 @@ def identify_line(
             words += [word for hz in value for word in ("--known-mode", f"{hz:g}")]
         elif value is not None:
             words += [f"--{name.replace('_', '-')}", f"{value}"]
-    return shlex.join(words)
+    return words
 
 
 def tune_line(law: str, models: Sequence[str], margins: Mapping[str, float]) -> str:

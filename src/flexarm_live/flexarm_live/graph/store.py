@@ -16,6 +16,8 @@ from flexarm_ident.importing.csv_table import table_layout
 from flexarm_ident.job import MODEL_FILE, REPORT_FILE
 from flexarm_ident.reading.read import fields_of, sample_count
 
+COMPARISON_FILE = "comparison.html"
+_PAGES = {"": REPORT_FILE, "comparison": COMPARISON_FILE}
 _MODELS = "models"
 _DROPPED = "dropped"
 _BAG_FILES = frozenset({".mcap", ".db3"})
@@ -88,11 +90,12 @@ class Store:
         """Return the file of a model; a `FlexarmError` for a name that is none."""
         return self.model_folder(_known("model", name, self.models())) / MODEL_FILE
 
-    def report(self, name: str) -> bytes | None:
-        """Return the report of a model; None for a name that is none."""
-        if name not in self.models():
+    def report(self, address: str) -> bytes | None:
+        """Return the report of a model, or with `/comparison` its comparison; None without one."""
+        name, _, page = address.partition("/")
+        if name not in self.models() or page not in _PAGES:
             return None
-        file = self.model_folder(name) / REPORT_FILE
+        file = self.model_folder(name) / _PAGES[page]
         return file.read_bytes() if file.is_file() else None
 
 

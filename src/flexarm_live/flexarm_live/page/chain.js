@@ -137,6 +137,7 @@ const listed = (signals) => signals.map(({ name, unit }) => `${name} (${unit})`)
 /** Stages Record and Identify. */
 export class Chain {
   #recording = null;
+  #identified = {};
 
   constructor(hello, link, jobs, { identified, written, found }) {
     Object.assign(this, { hello, link, jobs, identified, written, found });
@@ -180,11 +181,17 @@ export class Chain {
     if (fields.bag === "") throw new Error("identify: there is no record; make one in the stage Record");
     if (!this.signals.areNamed) throw new Error("identify: choose an input and an output among the signals");
     const data = await this.jobs.run("identify", fields, (model) => {
+      this.#identified = fields;
       showCommand("identify", model.command);
       this.identified(model);
       showStage("model");
     });
     if (data !== undefined) this.written(data);
+  }
+
+  /** Compare the identified model with others on its record. */
+  compare(models) {
+    return this.jobs.run("compare", { ...this.#identified, models });
   }
 
   #wireRecord() {

@@ -46,6 +46,36 @@ export function write(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
+/** Buttons of which any may be pressed; `changed` hears of each press. */
+export class Toggles {
+  #chosen;
+
+  constructor(host, changed, chosen = []) {
+    Object.assign(this, { host, changed });
+    this.#chosen = new Set(chosen);
+  }
+
+  get chosen() {
+    return [...this.#chosen];
+  }
+
+  /** Show a button for each name; of those that were pressed, the ones still there stay so. */
+  offer(names, chosen = this.chosen) {
+    this.#chosen = new Set(chosen.filter((name) => names.includes(name)));
+    this.host.replaceChildren(...names.map((name) => this.#button(name)));
+  }
+
+  #button(name) {
+    const button = element("button", { "aria-pressed": `${this.#chosen.has(name)}` }, name);
+    button.onclick = () => {
+      if (!this.#chosen.delete(name)) this.#chosen.add(name);
+      button.setAttribute("aria-pressed", `${this.#chosen.has(name)}`);
+      this.changed();
+    };
+    return button;
+  }
+}
+
 let fadeOut = 0;
 
 /** Tell the user a line; a refusal stays until the next one, news go away. */

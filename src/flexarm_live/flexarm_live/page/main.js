@@ -38,12 +38,12 @@ function furnish(hello) {
   const jobs = new Jobs(link);
   const step = new StepStage(hello, ring, units, setpoints, parameters);
   const tune = new TuneStage(hello, link, jobs, parameters, step);
-  const model = new ModelStage(units, (wish) => chain.identify(wish));
+  const model = new ModelStage(units, (wish) => chain.identify(wish), (models) => chain.compare(models));
   const chain = new Chain(hello, link, jobs, {
     identified: (data) => model.show(data),
-    written: ({ models, bag, report }) => {
-      model.offerReport(report);
-      tune.offer(models, [bag]);
+    written: (data) => {
+      model.offerReport(data);
+      tune.offer(data.models, [data.bag]);
     },
     found: (models) => tune.offer(models),
   });

@@ -1,6 +1,6 @@
 // The identified model: verdict, order and modes over the spectrum, fit against the record.
 
-import { attempt, byId, element, fillTable, write } from "./dom.js";
+import { Toggles, attempt, byId, element, fillTable, write } from "./dom.js";
 import { chart } from "./charts.js";
 import { showCommand } from "./chain.js";
 import { figure } from "./numbers.js";
@@ -15,13 +15,18 @@ const KINDS = {
 };
 const title = (output) => output.replace(/_v$/, "").replaceAll("_", " ");
 
-/** Stage Model; `identify(wish)` is asked for another order or other modes. */
+/**
+ * Stage Model; `identify(wish)` is asked for another order or other modes, `compare(models)` for a
+ * page of the model that is shown beside others.
+ */
 export class ModelStage {
   #known = [];
   #order = 0;
 
-  constructor(units, identify) {
+  constructor(units, identify, compare) {
     this.units = units;
+    this.others = new Toggles(byId("others"), () => this.#offerComparison());
+    byId("compare").onclick = () => attempt(() => this.#compare(compare));
     this.again = (wish) => attempt(() => identify(wish));
     byId("order").onchange = ({ target }) => this.#wish(Number(target.value));
   }
@@ -40,15 +45,31 @@ export class ModelStage {
     const outputs = [...data.outputs.map(title), "mean"];
     fillTable(byId("dmv"), data.dmv.map((error, k) => [outputs[k], `${figure(100 * (1 - error), 1)} %`]));
     // It is of the model before, until the one of this model is written.
-    byId("report").hidden = true;
+    byId("report").hidden = byId("beside").hidden = true;
     showCommand("model", data.command);
     this.#showFits();
   }
 
-  /** Offer the report of the model that is shown. */
-  offerReport(address) {
-    byId("report").href = address;
+  /** Offer the report of the model that is shown, and the other models for a comparison. */
+  offerReport({ report, bag, models }) {
+    byId("report").href = report;
     byId("report").hidden = false;
+    const others = models.filter((model) => model !== bag);
+    byId("beside").hidden = others.length === 0;
+    this.others.offer(others);
+    this.#offerComparison();
+  }
+
+  #offerComparison() {
+    byId("compare").disabled = this.others.chosen.length === 0;
+    byId("comparison").hidden = true;
+  }
+
+  async #compare(compare) {
+    const { comparison, command } = await compare(this.others.chosen);
+    byId("comparison").href = comparison;
+    byId("comparison").hidden = false;
+    showCommand("model", command);
   }
 
   #wish(order) {

@@ -1,6 +1,6 @@
 // Tuning on models, its margins, the new law on the arm, and its step beside the former one.
 
-import { attempt, byId, element, fillMenu, fillTable, tell, write } from "./dom.js";
+import { Toggles, attempt, byId, fillMenu, fillTable, tell, write } from "./dom.js";
 import { chart } from "./charts.js";
 import { askCommand, showCommand, showStage } from "./chain.js";
 import { figure, stepFigures } from "./numbers.js";
@@ -18,10 +18,9 @@ const gainsText = (gains) =>
 
 /** Stage Tune. */
 export class TuneStage {
-  #chosen = new Set(NOMINAL);
-
   constructor(hello, link, jobs, parameters, step) {
     Object.assign(this, { link, jobs, parameters, step });
+    this.models = new Toggles(byId("models"), () => this.#tellCommand(), NOMINAL);
     const { tunable_laws: laws = [], laws_with_margins: withMargins = [] } = hello;
     this.isOffered = laws.length > 0;
     this.hasMargins = (law) => withMargins.includes(law);
@@ -33,27 +32,15 @@ export class TuneStage {
   }
 
   /** Offer identified models beside the packaged ones. */
-  offer(models, chosen = [...this.#chosen]) {
-    const offered = [...models, ...NOMINAL];
-    this.#chosen = new Set(chosen.filter((model) => offered.includes(model)));
-    byId("models").replaceChildren(...offered.map((model) => this.#toggle(model)));
+  offer(models, chosen) {
+    this.models.offer([...models, ...NOMINAL], chosen);
     this.#tellCommand();
-  }
-
-  #toggle(model) {
-    const button = element("button", { "aria-pressed": `${this.#chosen.has(model)}` }, model);
-    button.onclick = () => {
-      if (!this.#chosen.delete(model)) this.#chosen.add(model);
-      button.setAttribute("aria-pressed", `${this.#chosen.has(model)}`);
-      this.#tellCommand();
-    };
-    return button;
   }
 
   get #wanted() {
     const law = byId("tuned_law").value;
     const margins = { gain_margin_db: Number(byId("gain_margin").value), phase_margin_deg: Number(byId("phase_margin").value) };
-    return { law, models: [...this.#chosen], ...(this.hasMargins(law) ? margins : {}) };
+    return { law, models: this.models.chosen, ...(this.hasMargins(law) ? margins : {}) };
   }
 
   #tellCommand() {
@@ -64,7 +51,7 @@ export class TuneStage {
   }
 
   async #tune() {
-    if (this.#chosen.size === 0) throw new Error("tune: choose a model, or identify one first");
+    if (this.models.chosen.length === 0) throw new Error("tune: choose a model, or identify one first");
     this.result = await this.jobs.run("tune", this.#wanted);
     this.#show(this.result);
   }

@@ -37,7 +37,7 @@ class Laboratory(Protocol):
         """Return where a dropped file goes; a `FlexarmError` refuses its name with a reason."""
 
     def report(self, name: str) -> bytes | None:
-        """Return the report of an identified model; None when there is none of that name."""
+        """Return a page by its address below the reports; None when there is none."""
 
 
 class Outlet(Protocol):

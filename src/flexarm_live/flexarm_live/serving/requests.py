@@ -172,6 +172,7 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
         "let_go": Verb(Needs.TOKEN),
         "record": Verb(Needs.TOKEN, {"on": Field("boolean")}),
         "identify": Verb(Needs.TOKEN, _IDENTIFICATION),
+        "compare": Verb(Needs.TOKEN, _IDENTIFICATION | {"models": Field("texts")}),
         "tune": Verb(Needs.TOKEN, _TUNING),
         "identify_line": Verb(Needs.NOTHING, _IDENTIFICATION),
         "tune_line": Verb(Needs.NOTHING, _TUNING),

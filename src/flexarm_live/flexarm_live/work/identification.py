@@ -1,4 +1,4 @@
-"""Identification for a page: the model with its files, and the curves that the page draws."""
+"""Identification for a page: the model with its files and curves, and its comparison."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from flexarm_ident.importing.csv_columns import TableColumns
 from flexarm_ident.importing.csv_layout import is_table
 from flexarm_ident.job import identify_bags, read_record
 from flexarm_ident.reading.channels import selection
+from flexarm_ident.series.comparison import compare_files
 from flexarm_ident.workflow.request import Request
 from flexarm_live.work.process import serve
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from flexarm_ident.estimation.physical_modes import JudgedMode
+    from flexarm_ident.job import Chosen
     from flexarm_ident.models.modes import Mode
     from flexarm_ident.records.source import Source
     from flexarm_ident.workflow.outcome import Outcome
@@ -34,9 +36,7 @@ _SMALLEST = 1e-30
 
 def identified(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
     """Identify a record, tell what a page shows of it, and write model and report."""
-    known_modes_hz = tuple(asked["request"].get("known_modes_hz", ()))
-    request = Request(**asked["request"] | {"known_modes_hz": known_modes_hz})
-    signals = {name: tuple(texts) for name, texts in asked["signals"].items()}
+    signals = _signals(asked)
     shown: dict[str, Any] = {}
 
     def show(name: str, outcome: Outcome) -> None:
@@ -46,7 +46,7 @@ def identified(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
     identify_bags(
         [Path(asked["bag"])],
         Path(asked["folder"]),
-        request,
+        _request(asked),
         read=lambda bag, *_: _record(bag, bag.stat().st_mtime_ns, **signals),
         found=show,
         progress=report,
@@ -54,19 +54,43 @@ def identified(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
     return shown
 
 
+def compared(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
+    """Identify a record, and write a page that compares its model with others."""
+    bag = Path(asked["bag"])
+    compare_files(
+        [bag, *map(Path, asked["others"])],
+        Path(asked["page"]),
+        _request(asked),
+        channels=_channels(bag, **_signals(asked)),
+        progress=report,
+    )
+    return {}
+
+
+def _request(asked: Mapping[str, Any]) -> Request:
+    known_modes_hz = tuple(asked["request"].get("known_modes_hz", ()))
+    return Request(**asked["request"] | {"known_modes_hz": known_modes_hz})
+
+
+def _signals(asked: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    return {name: tuple(texts) for name, texts in asked["signals"].items()}
+
+
 @lru_cache(maxsize=1)
-def _record(
+def _record(bag: Path, _written_ns: int, **signals: tuple[str, ...]) -> Source:
+    """Return a record, which is read once: another order is asked for again and again."""
+    return read_record(bag, Request(), _channels(bag, **signals))
+
+
+def _channels(
     bag: Path,
-    _written_ns: int,
     inputs: tuple[str, ...] = (),
     outputs: tuple[str, ...] = (),
     times: tuple[str, ...] = (),
-) -> Source:
-    """Return a record, which is read once: another order is asked for again and again."""
+) -> Chosen:
     if is_table(bag):
-        return read_record(bag, Request(), TableColumns(inputs, outputs, times))
-    chosen = selection(inputs, outputs) if inputs or outputs else None
-    return read_record(bag, Request(), chosen)
+        return TableColumns(inputs, outputs, times)
+    return selection(inputs, outputs) if inputs or outputs else None
 
 
 def curves(outcome: Outcome) -> dict[str, Any]:
@@ -127,4 +151,4 @@ def _thin(values: Any, most: int) -> Any:  # noqa: ANN401 - a list or an array
 
 
 if __name__ == "__main__":
-    serve(identified)
+    serve(lambda asked, report: (compared if "page" in asked else identified)(asked, report))

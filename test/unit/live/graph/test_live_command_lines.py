@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from flexarm_bringup.verbs.laboratory.programs import record
-from flexarm_bringup.verbs.offline.identify import identify
+from flexarm_bringup.verbs.offline.identify import identify, report
 from flexarm_bringup.verbs.offline.tune import tune
 from flexarm_control.design.tuning_job import TUNINGS
 from flexarm_control.laws.registry import LAWS
 from flexarm_ident.workflow.request import Request
-from flexarm_live.graph.chain import identify_line, record_line, shown, tune_line
+from flexarm_live.graph.chain import compare_line, identify_line, record_line, shown, tune_line
 
 if TYPE_CHECKING:
     import click
@@ -69,6 +69,16 @@ def test_line_of_an_identification_of_named_signals___is_taken_by_the_verb() -> 
     line = identify_line(Path("/a b/my run.csv"), Path("/a b/models"), {}, signals)
     found = taken(identify, line)
     assert {name: list(found[name]) for name in signals} == signals
+
+
+@pytest.mark.parametrize("reduction", ["none", "mrmc"])
+def test_line_of_a_comparison___is_taken_by_the_verb(reduction: str) -> None:
+    request = {"order": 12} | ({"reduction": reduction} if reduction != "none" else {})
+    places = [Path("/a b/run.csv"), Path("/a b/models/other")]
+    line = compare_line(places, Path("/a b/page.html"), request, {"inputs": ["u"]})
+    found = taken(report, line)
+    assert (found["bags"], found["out"]) == (tuple(places), Path("/a b/page.html"))
+    assert (found["order"], found["reduction"], found["inputs"]) == (12, reduction, ("u",))
 
 
 def test_line_of_a_record___is_taken_by_the_verb() -> None:

@@ -118,5 +118,9 @@ def test_store___knows___its_own_names_only(tmp_path: Path) -> None:
     (folder / "report.html").write_bytes(b"<p>")
     assert store.models() == [bag.name]
     assert store.report(bag.name) == b"<p>"
+    assert store.report(f"{bag.name}/comparison") is None
+    (folder / "comparison.html").write_bytes(b"<b>")
+    assert store.report(f"{bag.name}/comparison") == b"<b>"
+    assert store.report(f"{bag.name}/model.yaml") is None
     with pytest.raises(FlexarmError, match=r"no model 'x' \(known: live"):
         store.model_file("x")

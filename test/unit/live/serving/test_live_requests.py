@@ -30,7 +30,7 @@ def refused(verb: str, **fields: object) -> str:
 
 RIGHTS = {
     Needs.NOTHING: "status get bags signals identify_line tune_line",
-    Needs.TOKEN: "stop hold let_go record identify tune cancel",
+    Needs.TOKEN: "stop hold let_go record identify compare tune cancel",
     Needs.HOLD: (
         "release activate deactivate reference waveform set law payload fault experiment apply"
     ),
@@ -40,6 +40,7 @@ FIELDS: dict[str, dict[str, object]] = {
     "record": {"on": True},
     "identify": {"bag": "b"},
     "identify_line": {"bag": "b"},
+    "compare": {"bag": "b", "models": ["m"]},
     "signals": {"bag": "b"},
     "tune": {"law": "pdp", "models": ["m"]},
     "tune_line": {"law": "pdp", "models": []},
