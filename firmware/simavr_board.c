@@ -4,7 +4,8 @@
    Its time follows the clock. With a patience it also stands still, so long at most, for a host that owes its answer to a sample:
    on a busy machine the arm becomes slow, and loses no command.
    It prints `pty PATH`, then at each change of the output, by the board's clock, `drive US` or `zero US SILENCE`, with the
-   microseconds since the last byte that came. Lines that it reads: mark TEXT, reset, press, release, unplug, state. */
+   microseconds since the last byte that came. Lines that it reads: mark TEXT, reset, press, release, unplug, state,
+   turn RAD (a hand holds the hub there), free. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <math.h>
@@ -95,10 +96,13 @@ static double torque_nm(void)
 }
 
 static double hub_rad, tip_rad, hub_rad_per_s, tip_rad_per_s;
+static double hand_rad = NAN; /* where a hand holds the hub */
 
 static void move_arm(double torque)
 {
     const double hub_kg_m2 = 0.002, tip_kg_m2 = 0.01, spring = 4.0, damping = 0.01, drag = 0.01, h = STEP_US * 1e-6;
+    if (!isnan(hand_rad))
+        torque += 2.0 * (hand_rad - hub_rad) - 0.2 * hub_rad_per_s;
     double bend = spring * (tip_rad - hub_rad) + damping * (tip_rad_per_s - hub_rad_per_s);
     hub_rad_per_s += h * (torque + bend - drag * hub_rad_per_s) / hub_kg_m2;
     tip_rad_per_s -= h * bend / tip_kg_m2;
@@ -152,6 +156,10 @@ static void obey(const char *line)
         set_pin(4, 0);
     else if (!strcmp(line, "release"))
         set_pin(4, 1);
+    else if (!strncmp(line, "turn ", 5))
+        hand_rad = atof(line + 5);
+    else if (!strcmp(line, "free"))
+        hand_rad = NAN;
     else if (!strcmp(line, "unplug"))
         close(cable), cable = -1;
     else if (!strcmp(line, "state"))

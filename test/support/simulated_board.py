@@ -19,6 +19,20 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+RIG = """\
+name: board
+rate_hz: 300
+inputs:
+  motor_v: {quantity: other, unit: V, limits: 6, slew_per_s: 3000, raw_per_unit: 88.9}
+outputs:
+  hub_rad: {quantity: angle, unit: rad, scale: 0.00153398}
+  bend_v: {quantity: strain, unit: V, per_si: 1000, scale: 0.000305481, offset: 8184, range: 2.5}
+joints:
+  hub: {input: motor_v, angle: hub_rad, travel: 1.2}
+driver: serial
+settings: {port: PORT, inputs: [motor], outputs: [encoder, a0], patience_s: 60}
+"""
+"""Description of the simulated board, whose port is to be put in."""
 COUNTS_PER_RAD = 4096 / (2.0 * np.pi)
 # The simulated board may be much slower than a real one, and the wall's time is not its own.
 PATIENCE_S = 30.0

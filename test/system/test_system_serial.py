@@ -17,7 +17,7 @@ import pytest
 
 from flexarm_daq.rigs.rig_protocol import RigError
 from support.chain import driven_chain
-from support.simulated_board import SimulatedBoard, built, controlled, opened, running
+from support.simulated_board import RIG, SimulatedBoard, built, controlled, opened, running
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,19 +28,6 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.system, pytest.mark.slow]
 
-RIG = """\
-name: board
-rate_hz: 300
-inputs:
-  motor_v: {quantity: other, unit: V, limits: 6, slew_per_s: 3000, raw_per_unit: 88.9}
-outputs:
-  hub_rad: {quantity: angle, unit: rad, scale: 0.00153398}
-  bend_v: {quantity: strain, unit: V, per_si: 1000, scale: 0.000305481, offset: 8184, range: 2.5}
-joints:
-  hub: {input: motor_v, angle: hub_rad, travel: 1.2}
-driver: serial
-settings: {port: PORT, inputs: [motor], outputs: [encoder, a0], patience_s: 60}
-"""
 # The watchdog of the board has 20 ms.
 MOST_US = 25_000
 

@@ -49,13 +49,20 @@ def read_at_rest(rig: Rig, description: RigDescription, duration_s: float) -> Re
     """
     rig.open()
     try:
-        return _read(rig, description, duration_s)
+        return readings_of(rig, description, duration_s)
     finally:
         rig.safe_stop()
         rig.close()
 
 
-def _read(rig: Rig, description: RigDescription, duration_s: float) -> RestReading:
+def readings_of(rig: Rig, description: RigDescription, duration_s: float) -> RestReading:
+    """Read an open rig for a while.
+
+    Raises
+    ------
+    RigError
+        If it cannot be read, or has another number of readings than outputs.
+    """
     samples = max(2, round(duration_s * description.rate_hz))
     paced = not (has_own_clock(rig) or has_virtual_time(rig))
     raw = np.empty((samples, len(description.outputs)))

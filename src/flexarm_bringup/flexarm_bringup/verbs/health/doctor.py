@@ -46,6 +46,10 @@ UNSTATED = "not stated"
 @click.option("--licences", is_flag=True, help="List the licence of every installed package.")
 @click.option("--realtime", is_flag=True, help="Measure which rates this machine can keep.")
 @click.option("--hardware", is_flag=True, help="Examine the board and the sensors; moves nothing.")
+@click.option(
+    "--rig", "rig_file", metavar="FILE", help="With --hardware: rig on a serial line, not NI's."
+)
+@click.option("--pulse", is_flag=True, help="With --hardware --rig: pulse the motor at the end.")
 @click.option("--device", default="Dev1", show_default=True, help="Name of the board.")
 @click.option(
     "--sensors",
@@ -65,12 +69,15 @@ UNSTATED = "not stated"
     "doctor --realtime",
     "doctor --hardware",
     "doctor --hardware --device Dev2 --terminals diff",
+    "doctor --hardware --rig ruler.yaml --pulse",
 )
 def doctor(
     *,
     licences: bool,
     realtime: bool,
     hardware: bool,
+    rig_file: str | None,
+    pulse: bool,
     sensors: str,
     rate: float,
     **names: Any,  # noqa: ANN401
@@ -88,6 +95,13 @@ def doctor(
 
         examine_realtime()
         return
+    if (rig_file and not hardware) or (pulse and not rig_file):
+        raise click.UsageError("--pulse goes with --rig, and --rig with --hardware")
+    if rig_file:
+        from flexarm_bringup.verbs.health.serial_board import examine_board  # noqa: PLC0415
+        from flexarm_core.rig_description import load_rig  # noqa: PLC0415
+
+        sys.exit(examine_board(load_rig(rig_file), Path(rig_file).parent, pulse=pulse))
     if hardware:
         from flexarm_bringup.verbs.health.hardware import examine_hardware  # noqa: PLC0415
         from flexarm_daq.rigs.nidaq.terminals import NidaqSettings  # noqa: PLC0415

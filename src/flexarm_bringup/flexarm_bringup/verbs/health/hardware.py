@@ -20,7 +20,7 @@ from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -209,8 +209,28 @@ def examine_hardware(settings: NidaqSettings, nidaqmx: Nidaqmx | None = None) ->
     nidaqmx : Nidaqmx, optional
         The package; imported by default.
     """
-    steps = _Examination(settings, nidaqmx).steps()
+    return follow_steps(_Examination(settings, nidaqmx).steps(), _REMAINS)
+
+
+def follow_steps(
+    steps: Sequence[tuple[str, Callable[[], str]]],
+    remains: Sequence[str],
+    moving: Collection[str] = (),
+) -> int:
+    """Print what each step finds, up to the first that fails; return 0 if all is right, else 1.
+
+    Parameters
+    ----------
+    steps : sequence of (str, callable)
+        Names, and functions that return a finding or raise `RigError`.
+    remains : sequence of str
+        Lines on what remains to do.
+    moving : collection of str
+        Names of the steps that move the arm.
+    """
+    moved = ""
     for number, (name, examine) in enumerate(steps):
+        moved = "" if name in moving else "Nothing was moved."
         try:
             found = examine()
         except RigError as error:
@@ -218,10 +238,10 @@ def examine_hardware(settings: NidaqSettings, nidaqmx: Nidaqmx | None = None) ->
             left = ", ".join(later for later, _ in steps[number + 1 :])
             if left:
                 terminal.CONSOLE.print(f"        not examined: {left}")
-            terminal.CONSOLE.print("Nothing was moved. Fix this first, then look again.")
+            terminal.CONSOLE.print(f"{moved} Fix this first, then look again.".strip())
             return 1
         terminal.marked("ok", "green", f"    {name}: {found}")
-    for line in ("Nothing was moved.", *_REMAINS):
+    for line in filter(None, (moved, *remains)):
         terminal.CONSOLE.print(as_called(line))
     return 0
 

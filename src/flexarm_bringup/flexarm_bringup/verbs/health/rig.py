@@ -108,7 +108,7 @@ def check_at_rest(description: RigDescription, folder: Path) -> dict[str, str]:
     reading = read_at_rest(driven(description, folder), description, _READ_S)
     if reading.about:
         click.echo(reading.about)
-    terminal.show_table(_table(description, reading))
+    terminal.show_table(readings_table(description, reading))
     off = abs(reading.rate_hz / description.rate_hz - 1.0)
     click.echo(f"rate {reading.rate_hz:.5g} Hz, {len(reading.raw)} samples")
     if off > _OFF_RATE:
@@ -123,7 +123,7 @@ def check_at_rest(description: RigDescription, folder: Path) -> dict[str, str]:
             "stands still"
         )
     faults = {
-        output.name: _fault(output, reading.values(channel, output))
+        output.name: reading_fault(output, reading.values(channel, output))
         for channel, output in enumerate(description.outputs)
         if not output.absent
     }
@@ -165,7 +165,8 @@ def _in_si(low: float, high: float, channel: object) -> str:
     return f" ({to_si(low):.4g} to {to_si(high):.4g} {unit})"
 
 
-def _table(rig: RigDescription, reading: RestReading) -> Table:
+def readings_table(rig: RigDescription, reading: RestReading) -> Table:
+    """Return the raw reading, the value and the noise of each output."""
     table = Table("output", "raw", "value", "noise", "", box=None, pad_edge=False)
     for channel, output in enumerate(rig.outputs):
         values = reading.values(channel, output)
@@ -189,12 +190,12 @@ def _remark(output: Output, values: np.ndarray) -> str:
     """Return what is odd about the readings of an output."""
     if output.absent:
         return "absent"
-    if fault := _fault(output, values):
+    if fault := reading_fault(output, values):
         return fault
     return "" if np.ptp(values) > 0.0 else "stands still: no noise, or not wired"
 
 
-def _fault(output: Output, values: np.ndarray) -> str:
+def reading_fault(output: Output, values: np.ndarray) -> str:
     """Return why readings of an output are of no use, or nothing."""
     if not np.isfinite(values).all():
         return "not a number: check the wiring"
