@@ -27,8 +27,8 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 # An example that takes long says that the machine is busy, and nothing about flexarm.
 # A run says today what it says tomorrow; `--hypothesis-profile explore` looks elsewhere each time.
 settings.register_profile("explore", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("flexarm", settings.get_profile("explore"), derandomize=True)
-settings.register_profile("exhaustive", settings.get_profile("flexarm"))
+settings.register_profile("exhaustive", settings.get_profile("explore"), derandomize=True)
+settings.register_profile("flexarm", settings.get_profile("exhaustive"), max_examples=30)
 settings.load_profile("flexarm")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,12 +18,13 @@ if TYPE_CHECKING:
 
 pytestmark = [
     pytest.mark.slow,
-    # The build takes a minute of a free core, and may have a tenth of one.
+    # The build of all takes minutes of a free core, and may have a tenth of one.
     pytest.mark.timeout(2700),
     pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::PendingDeprecationWarning"),
 ]
 DOCS = PROJECT / "docs"
 ORSE = "api/flexarm_ident.subspace.orse.html"
+PACKAGES = re.compile(r"   flexarm_\w+\n")
 # The home page, long output, wide tables, signatures.
 PAGES = ("index.html", "tutorial.html", "parameters.html", "reproduction/chapter-2.html", ORSE)
 # Boxes in the text that hold more than they show, and those of them that the keyboard reaches.
@@ -35,9 +37,19 @@ GROUND = "getComputedStyle(document.body).backgroundColor"
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """Folder of the site, and the warnings of its build."""
-    site = tmp_path_factory.mktemp("docs") / "site"
-    return site, build_site(PROJECT, site)
+    """Site of all pages with the reference of one room, and the warnings of its build."""
+    root = tmp_path_factory.mktemp("docs")
+    shutil.copytree(DOCS, root / "docs")
+    (root / "src").symlink_to(PROJECT / "src")
+    index = root / "docs" / "api" / "index.rst"
+    text = PACKAGES.sub("", index.read_text("utf-8"))
+    index.write_text(f"{text}   flexarm_ident.subspace\n", "utf-8")
+    return root / "site", build_site(root, root / "site")
+
+
+@pytest.mark.exhaustive
+def test_site___reference_of_every_package___builds_without_a_warning(tmp_path: Path) -> None:
+    assert build_site(PROJECT, tmp_path / "site") == ""
 
 
 @pytest.fixture

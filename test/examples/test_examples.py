@@ -83,6 +83,7 @@ def test_own_law___beside_a_packaged_one___settles(tmp_path: Path) -> None:
         assert abs(figure(rf"{name}: .*mean_error_v=([-\d.e]+)", text)) < 0.05
 
 
+@pytest.mark.exhaustive
 def test_learn_gains___six_rounds___are_no_worse_than_the_law_on_new_arms(tmp_path: Path) -> None:
     text = printed("learn_gains", tmp_path)
     assert figure(r"round 1: best [-\d.]+, median ([-\d.]+)", text) < -200.0

@@ -35,5 +35,6 @@ def figures_with_kernels_of(processor: str) -> Any:  # noqa: ANN401 - whatever J
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_ranks_and_gains___on_other_processors___are_the_same() -> None:
     assert figures_with_kernels_of("Haswell") == figures_with_kernels_of("Prescott")

@@ -123,6 +123,7 @@ def test_rig___is_moved_recorded_and_replayed(
     assert (found.compared, found.differences) == (5000, ())
 
 
+@pytest.mark.exhaustive
 def test_up___its_page___moves_each_joint_stops_and_releases(graph: Graph, tmp_path: Path) -> None:
     file, rig = rig_of(tmp_path, two_motors())
     bag = tmp_path / "bag"
@@ -171,6 +172,7 @@ def test_up___its_page___moves_each_joint_stops_and_releases(graph: Graph, tmp_p
     assert found.differences == ()
 
 
+@pytest.mark.exhaustive
 def test_experiment_in_closed_loop___of_two_motors___is_recorded_and_identified(
     graph: Graph, tmp_path: Path
 ) -> None:
@@ -201,9 +203,9 @@ def test_experiment_in_closed_loop___of_two_motors___is_recorded_and_identified(
     [
         # The watchdog that ends a hang ends this as well.
         pytest.param("kill", one_motor(), marks=pytest.mark.exhaustive, id="kill"),
-        pytest.param("hang", two_motors(), id="hang"),
+        pytest.param("hang", two_motors(), marks=pytest.mark.exhaustive, id="hang"),
         pytest.param("emergency stop", two_motors(), id="emergency stop"),
-        pytest.param("sensor fault", one_motor(), id="sensor fault"),
+        pytest.param("sensor fault", one_motor(), marks=pytest.mark.exhaustive, id="sensor fault"),
     ],
 )
 def test_drives___of_all_inputs___go_to_zero(

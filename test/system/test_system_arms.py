@@ -141,6 +141,7 @@ def test_namespace_that_is_none___is_refused(name: str) -> None:
     assert f"{name!r} is not a namespace, such as arm2 or lab/arm2" in done.output
 
 
+@pytest.mark.exhaustive
 def test_second_up___with_a_namespace_of_its_own___runs_beside_the_first(graph: Graph) -> None:
     for namespace in ("flexarm", "lab/arm2"):
         words = ["up", "--no-page", "--rate", "50", "--namespace", namespace]
@@ -182,6 +183,7 @@ def test_set___misspelt_node___is_told_the_nearest(graph: Graph) -> None:
     )
 
 
+@pytest.mark.exhaustive
 def test_arm_in_one_process___by_the_launch_file___is_driven_on_a_clock_of_its_own(
     graph: Graph, tmp_path: Path
 ) -> None:

@@ -216,6 +216,7 @@ def test_full_disk___stops_the_recorder_with_an_error_and_not_the_loop(
     assert check_bag(summary.bag).messages == summary.messages > 300
 
 
+@pytest.mark.exhaustive
 def test_payload___changed_while_active___leaves_the_arm_where_it_is(
     graph: Graph, tmp_path: Path
 ) -> None:

@@ -13,6 +13,7 @@ from flexarm_ident.provenance import samples_hash
 from flexarm_ident.reading.read import read_bag
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
+from support.exhaustive import wide
 from support.recorded_samples import declarations
 from support.system_graph import Graph, executable, ros_arguments
 
@@ -48,7 +49,7 @@ def recorded(graph: Graph, folder: Path, name: str) -> list[tuple[str, list[floa
     As fast as it goes, the sampling thread of one process runs the law itself.
     """
     runs = []
-    for pace in (0.0, 50.0):
+    for pace in wide((0.0,), (0.0, 50.0)):
         graph.operator.set_parameters("daq", {"real_time_factor": pace})
         bag = folder / f"{name}_{pace:.0f}"
         graph.operator.recorded_run("controller", str(bag), 600, lambda _: None)

@@ -129,7 +129,7 @@ def looked_on(address: str) -> tuple[dict[str, Any], list[tuple[str, str]], int]
 
 
 @pytest.mark.parametrize(
-    "moment", [pytest.param("Starting the nodes", marks=pytest.mark.exhaustive), "Identifying"]
+    "moment", ["Starting the nodes", pytest.param("Identifying", marks=pytest.mark.exhaustive)]
 )
 def test_demo___interrupted___leaves_no_process_and_no_bag(
     graph: Graph, tmp_path: Path, moment: str

@@ -34,6 +34,7 @@ SET_POINT_V = 3.0
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_experiment___identified_and_designed_on___is_controlled_in_the_running_controller(
     graph: Graph, tmp_path: Path
 ) -> None:

@@ -21,12 +21,14 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 RESTLESS = {"law": "pd", "reference": "square", "square.period_s": 0.4, "pd.compensation_v": 0.7}
-ENDINGS = {
+COMMON_ENDINGS = {
     "the terminal is closed": (signal.SIGHUP,),
     "Ctrl-C": (signal.SIGINT,),
     "Ctrl-\\": (signal.SIGQUIT,),
     "kill": (signal.SIGTERM,),
     "Ctrl-C twice": (signal.SIGINT, signal.SIGINT),
+}
+ENDINGS = COMMON_ENDINGS | {
     "the terminal is closed after Ctrl-C": (signal.SIGINT, signal.SIGHUP),
     "kill after the terminal was closed": (signal.SIGHUP, signal.SIGTERM),
 }
@@ -79,7 +81,13 @@ def is_alive(pid: int) -> bool:
         return False
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize(
+    "ending",
+    [
+        each if each in COMMON_ENDINGS else pytest.param(each, marks=pytest.mark.exhaustive)
+        for each in ENDINGS
+    ],
+)
 def test_daq___any_ending___leaves_zero_on_the_output(
     commanded: Graph, rig: LoggingRig, ending: str
 ) -> None:
@@ -135,7 +143,14 @@ def test_daq___that_nobody_reads___goes_on_and_leaves_zero(
     assert rig.outputs_v[-1] == 0.0
 
 
-@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "end",
+    [
+        signal.SIGTERM,
+        pytest.param(signal.SIGKILL, marks=pytest.mark.exhaustive),
+        pytest.param(signal.SIGHUP, marks=pytest.mark.exhaustive),
+    ],
+)
 def test_launcher___that_ends___takes_drive_to_zero_and_nodes_with_it(
     graph: Graph, rig: LoggingRig, end: signal.Signals
 ) -> None:
@@ -189,7 +204,7 @@ def test_thread___that_started_a_node_and_ends___does_not_end_it(
     assert rig.outputs_v[-1] == 0.0
 
 
-@pytest.mark.parametrize("detach", ["nohup", "setsid"])
+@pytest.mark.parametrize("detach", ["nohup", pytest.param("setsid", marks=pytest.mark.exhaustive)])
 def test_node___that_was_detached___goes_on_without_its_shell(
     commanded: Graph, rig: LoggingRig, detach: str
 ) -> None:
@@ -216,7 +231,14 @@ def test_node___that_was_detached___goes_on_without_its_shell(
     assert rig.outputs_v[-1] == 0.0
 
 
-@pytest.mark.parametrize("end", [signal.SIGHUP, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "end",
+    [
+        signal.SIGHUP,
+        pytest.param(signal.SIGTERM, marks=pytest.mark.exhaustive),
+        signal.SIGKILL,
+    ],
+)
 def test_up___that_ends___leaves_zero_on_the_output(
     graph: Graph, rig: LoggingRig, tmp_path: Path, end: signal.Signals
 ) -> None:

@@ -125,6 +125,7 @@ def test_experiment_interrupted___keeps_its_part_and_the_old_bag_and_leaves_no_p
     assert np.all(np.abs(position_v[turns]) >= BOUND_V - 0.1)
 
 
+@pytest.mark.exhaustive
 def test_experiment_with_a_sample_unanswered___is_refused_and_kept_apart(
     graph: Graph, tmp_path: Path
 ) -> None:
@@ -149,6 +150,7 @@ def test_experiment_with_a_sample_unanswered___is_refused_and_kept_apart(
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"O_dat5.partial", "nodes.log"}
 
 
+@pytest.mark.exhaustive
 def test_experiment_whose_recorder_fails___ends_at_once_and_keeps_what_there_is(
     graph: Graph, tmp_path: Path
 ) -> None:

@@ -179,6 +179,7 @@ def test_two_controllers___the_drive_is_held_and_both_are_named(broken_rigs: Cam
     graph.stop(rival)
 
 
+@pytest.mark.exhaustive
 def test_controller_killed_at_random_moments___drive_at_zero_within_three_periods(
     campaign: Campaign,
 ) -> None:
@@ -189,14 +190,8 @@ def test_controller_killed_at_random_moments___drive_at_zero_within_three_period
     assert campaign.figures()["events: two commanders"] == "0"
 
 
-def test_daq_ended_by_signals___drive_at_zero___and_killed___bag_readable_and_others_alive(
-    campaign: Campaign,
-) -> None:
+def test_daq_killed___bag_readable_and_others_alive(campaign: Campaign) -> None:
     campaign.start_controller()
-    for stop in (signal.SIGINT, signal.SIGTERM):
-        assert campaign.stop_daq(stop) == 0
-        assert "samples, the drive is at zero" in campaign.daq.printed
-        campaign.restart_daq(DAQ)
 
     run = campaign.kill_daq(0.3)
 

@@ -92,6 +92,7 @@ def test_csv_of_another_rig___is_imported_and_identified(laboratory: Graph, tmp_
     assert response.dmv[-1] < 0.05
 
 
+@pytest.mark.exhaustive
 def test_arm_with_dry_friction___command___shows_and_keeps_its_level(
     laboratory: Graph, tmp_path: Path
 ) -> None:

@@ -108,7 +108,7 @@ def test_nodes_with_a_loop___have_no_shared_memory_that_a_late_node_could_stop_t
     ("settings", "cause"),
     [
         ({}, None),
-        ({"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, None),
+        pytest.param({"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, None, marks=pytest.mark.exhaustive),
         ({"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}, "as FASTDDS_BUILTIN_TRANSPORTS has it, "),
         ({"ROS_STATIC_PEERS": "127.0.0.1"}, "as ROS_STATIC_PEERS has it, "),
     ],

@@ -139,6 +139,7 @@ def test_own_commander___drives_the_arm_by_accepted_commands_and_gives_its_place
     assert states.volts[of_own][-30:, 0].mean() == pytest.approx(1.5, abs=0.1)
 
 
+@pytest.mark.exhaustive
 def test_own_commander___interrupted___gives_its_place_back(loop: Loop) -> None:
     process = example(loop.graph, "own_commander")
     loop.graph.await_state("controller", "inactive")

@@ -173,6 +173,7 @@ def test_lone_daq___samples_at_once_and_its_clock_is_followed(graph: Graph) -> N
     assert not any(state.command_v for state in states)
 
 
+@pytest.mark.exhaustive
 def test_nodes_on_the_arms_time___work_as_on_the_wall_clocks(graph: Graph, tmp_path: Path) -> None:
     sim = {"use_sim_time": True}
     graph.start("recorder", sim)

@@ -138,6 +138,7 @@ def test_robot___that_is_not_there___is_told(domain: None) -> None:
         TopicsRig(SETTINGS, 2).open()
 
 
+@pytest.mark.exhaustive
 def test_robot___is_recorded_identified_and_moved_from_the_page(
     graph: Graph, tmp_path: Path
 ) -> None:

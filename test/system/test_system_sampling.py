@@ -155,7 +155,7 @@ def test_first_activation___stamps_are_the_instants_of_sampling(graph: Graph) ->
     ("law", "advice"),
     [
         ("ilqr", "sample at that rate or take another law"),
-        ("pdpc_plus", "set pdpc_plus.rate_hz"),
+        pytest.param("pdpc_plus", "set pdpc_plus.rate_hz", marks=pytest.mark.exhaustive),
     ],
 )
 def test_law_for_another_rate___controller_ends_and_the_drive_is_at_zero(

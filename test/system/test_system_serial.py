@@ -249,6 +249,7 @@ def test_board_with_patience___waits_for_a_host_that_is_late(program: tuple[Path
         rig.close()
 
 
+@pytest.mark.exhaustive
 def test_board___is_recorded_identified_and_moved_from_the_page(
     program: tuple[Path, Path], graph: Graph, tmp_path: Path
 ) -> None:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from support.exhaustive import wide
 from support.recorded_samples import States, answered_samples
 
 if TYPE_CHECKING:
@@ -21,10 +20,11 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.system, pytest.mark.slow]
 
-SAMPLES = wide(16_000, 24_000)
+SAMPLES = 24_000
 """At least a third more than a reader that is stopped can leave to its writer."""
 
 
+@pytest.mark.exhaustive
 def test_record___recorder_stopped_for_seconds___has_every_sample_and_command(
     graph: Graph, tmp_path: Path
 ) -> None:

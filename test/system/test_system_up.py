@@ -157,6 +157,7 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
     assert run.command_v[alone[-1] + 1 :].any()
 
 
+@pytest.mark.exhaustive
 def test_up___recorder_killed___arm_goes_on_and_another_recorder_takes_its_place(
     graph: Graph, tmp_path: Path
 ) -> None:

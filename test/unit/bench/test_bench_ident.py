@@ -42,6 +42,7 @@ def test_bench_ident___quick___rows_and_missing_peers_are_named(tmp_path: Path) 
     assert missing.startswith("ctrlsys, sippy, mdof")
 
 
+@pytest.mark.exhaustive
 def test_bench_ident___stability___no_model_of_any_noise_is_unstable(tmp_path: Path) -> None:
     file = tmp_path / "counts.json"
     done = run_ident(tmp_path, "--stability", "3", "--json", str(file))

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("seeds", [1, 3])
+@pytest.mark.exhaustive
 def test_bench_reduction___few_records___bear_out_the_claims_of_tables_3_1_to_3_3(
     tmp_path: Path, seeds: int
 ) -> None:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PARTS = 3
-SEEDS = wide(60, 100)
+SEEDS = wide(24, 100)
 MOST_EVENTS = 12
 QUIET_NS = 500_000_000
 

@@ -92,6 +92,7 @@ def test_verbs___that_start_no_node___work(command: Path, tmp_path: Path) -> Non
         assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.exhaustive
 def test_demo___runs_in_one_process_and_says_so(command: Path, tmp_path: Path) -> None:
     done = called(command, tmp_path, "demo", "--fast")
     assert done.returncode == 0, done.stderr

@@ -108,7 +108,7 @@ def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
 @pytest.mark.parametrize(
     ("rise", "load", "friction_model"),
     [
-        (0.5, 0.0, FrictionModel.STRIBECK),
+        pytest.param(0.5, 0.0, FrictionModel.STRIBECK, marks=pytest.mark.exhaustive),
         pytest.param(0.0, 0.15, FrictionModel.LOAD, marks=pytest.mark.exhaustive),
         (0.5, 0.15, BOTH),
     ],

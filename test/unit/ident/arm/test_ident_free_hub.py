@@ -70,6 +70,7 @@ def test_fit___joint_without_a_cable___does_not_grow(seed: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_fit___joint_that_a_cable_holds___keeps_its_stiffness() -> None:
     fit = fit_arm(driven_arm(0.3, cable=2.0, samples=3000), DRIVES)
     assert fit.free_hubs == ()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flexarm_ident.estimation.output_only import OutputMode, OutputModes
 
 SHAPES = np.array([[1.0, 0.5], [0.3, 1.0]])
-SEEDS = wide(10, 20)
+SEEDS = wide(5, 20)
 
 
 def record(y: FloatArray, rate_hz: float) -> IoData:

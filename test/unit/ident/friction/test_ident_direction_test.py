@@ -77,6 +77,7 @@ def test_identification___no_arm_for_friction_that_passes_for_noise___notes_that
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_reduction___arm_whose_hub_grows_slowly___keeps_its_integrator() -> None:
     found = identify(rubbing_arm((0.3,), samples=1200), friction=True)
     assert found.friction is not None

@@ -166,6 +166,7 @@ def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_output_that_no_linear_model_has___fit___leaves_the_others_at_their_noise() -> None:
     record = _record(8000)
     bent = record.y[:, 1]

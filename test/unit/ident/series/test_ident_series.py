@@ -179,18 +179,25 @@ def assert_same(one: series_run.Series, other: series_run.Series) -> None:
         assert list(left.main_modes()) == [pytest.approx(mode) for mode in right.main_modes()]
 
 
-@pytest.mark.slow
-def test_each___two_cores_and_a_cluster___give_the_same(tmp_path: Path, bags: list[Path]) -> None:
-    def on(workers: Workers, name: str) -> series_run.Series:
-        return identify_each(bags, tmp_path / name, QUICK, channels=CHOSEN, workers=workers)
+def on(workers: Workers, bags: list[Path], out: Path) -> series_run.Series:
+    return identify_each(bags, out, QUICK, channels=CHOSEN, workers=workers)
 
-    alone = on(HERE, "alone")
-    assert_same(alone, on(Workers(jobs=2), "two"))
+
+@pytest.mark.slow
+def test_each___two_cores___give_the_same(tmp_path: Path, bags: list[Path]) -> None:
+    alone = on(HERE, bags, tmp_path / "alone")
+    assert_same(alone, on(Workers(jobs=2), bags, tmp_path / "two"))
+
+
+@pytest.mark.exhaustive
+def test_each___cluster___gives_the_same(tmp_path: Path, bags: list[Path]) -> None:
+    alone = on(HERE, bags, tmp_path / "alone")
     local_cluster: Any = distributed.LocalCluster
     with local_cluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
     ) as cluster:
-        assert_same(alone, on(Workers(dask=cluster.scheduler_address), "cluster"))
+        workers = Workers(dask=cluster.scheduler_address)
+        assert_same(alone, on(workers, bags, tmp_path / "cluster"))
 
 
 def test_each___two_bags_of_one_folder___are_refused(tmp_path: Path) -> None:

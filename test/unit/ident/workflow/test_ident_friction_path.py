@@ -79,6 +79,7 @@ def real() -> Outcome:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_real_two_link_arm___auto_with_friction___simulates_twice_the_record(real: Outcome) -> None:
     record, found = real.records[0], real.identification
     assert (found.method, real.fitted[0]) == ("arm", round(0.5 * len(record)))
@@ -96,6 +97,7 @@ def test_real_two_link_arm___auto_with_friction___simulates_twice_the_record(rea
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_real_two_link_arm___arm___is_better_than_its_subspace_start(real: Outcome) -> None:
     found = real.identification
     assert found.start_error is not None
@@ -108,39 +110,13 @@ def test_real_two_link_arm___arm___is_better_than_its_subspace_start(real: Outco
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_real_two_link_arm___net_input___moves_the_linear_model_alike(real: Outcome) -> None:
     found = real.identification
     assert found.friction is not None
     (net,), (data,) = found.linear_records, found.records
     y, _ = simulate_with_friction(found.model, found.friction, data.u, found.x0[0])
     assert simulate(found.model, net.u, found.x0[0]) == pytest.approx(y, rel=1e-6, abs=1e-6)
-
-
-@pytest.mark.slow
-def test_real_two_link_arm___files_and_report___hold_the_levels(
-    real: Outcome, tmp_path: Path
-) -> None:
-    assert real.friction is not None
-    parameters = write_results(
-        tmp_path / "out", real, [read_bag(BAG)], name="real", exports=EXPORTS
-    )
-    content = json.loads((tmp_path / "out" / "model.json").read_text("utf-8"))
-    for found in (parameters, flat_parameters(content)):
-        assert found["models.real.friction_level"] == real.friction.levels.tolist()
-        deviations = real.friction.level_deviations.tolist()
-        assert found["models.real.friction_level_std"] == deviations
-        assert found["models.real.friction_speed"] == real.friction.speed.ravel().tolist()
-    for suffix in ("yaml", "json", "mat"):
-        file = tmp_path / "out" / f"model.{suffix}"
-        assert load_model(file).A.tolist() == real.model.A.tolist()
-        kept = load_friction(file)
-        assert kept is not None
-        assert friction_fields(kept) == friction_fields(real.friction)
-    report = (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert "<h2>Dry friction</h2>" in report
-    for level, deviation in zip(real.friction.levels, real.friction.level_deviations, strict=True):
-        assert with_deviation(level, deviation) in report
-        assert f"{float(level)!r}" in (tmp_path / "out" / "model.yaml").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +134,35 @@ def test_friction___known_level___is_found_with_its_drive(reduced: Outcome) -> N
     assert found.method == "arm"
     assert found.friction is not None
     assert found.friction.levels == pytest.approx([0.5], rel=0.1)
+
+
+@pytest.mark.slow
+def test_arm_with_friction___files_and_report___hold_the_levels(
+    reduced: Outcome, tmp_path: Path
+) -> None:
+    assert reduced.friction is not None
+    parameters = write_results(
+        tmp_path / "out", reduced, [controlled(0.5)], name="arm", exports=EXPORTS
+    )
+    content = json.loads((tmp_path / "out" / "model.json").read_text("utf-8"))
+    for found in (parameters, flat_parameters(content)):
+        assert found["models.arm.friction_level"] == reduced.friction.levels.tolist()
+        deviations = reduced.friction.level_deviations.tolist()
+        assert found["models.arm.friction_level_std"] == deviations
+        assert found["models.arm.friction_speed"] == reduced.friction.speed.ravel().tolist()
+    for suffix in ("yaml", "json", "mat"):
+        file = tmp_path / "out" / f"model.{suffix}"
+        assert load_model(file).A.tolist() == reduced.model.A.tolist()
+        kept = load_friction(file)
+        assert kept is not None
+        assert friction_fields(kept) == friction_fields(reduced.friction)
+    report = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "<h2>Dry friction</h2>" in report
+    for level, deviation in zip(
+        reduced.friction.levels, reduced.friction.level_deviations, strict=True
+    ):
+        assert with_deviation(level, deviation) in report
+        assert f"{float(level)!r}" in (tmp_path / "out" / "model.yaml").read_text("utf-8")
 
 
 @pytest.mark.parametrize("fields", [{"order": 6}, {"method": "orse"}])
