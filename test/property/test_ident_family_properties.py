@@ -14,6 +14,7 @@ from flexarm_ident import identify, reduce_model
 from flexarm_ident.subspace.feedback import reaches_inputs
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.methods import METHODS
+from support.exhaustive import wide
 from support.ident_systems import named, pulse_responses, random_model, record, step_by_step
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 SEEDS = st.integers(0, 10_000)
 STATES, BLOCK_ROWS = 5, 8
-few = settings(max_examples=12, suppress_health_check=[HealthCheck.too_slow])
+few = settings(max_examples=wide(4, 12), suppress_health_check=[HealthCheck.too_slow])
 every_method = pytest.mark.parametrize("method", list(METHODS))
 
 

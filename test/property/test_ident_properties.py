@@ -12,6 +12,7 @@ from flexarm_ident.models.modes import modal_form, ranked_modes
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.orse import innovation_scaled
+from support.exhaustive import wide
 from support.ident_systems import (
     arm_model,
     named,
@@ -23,7 +24,7 @@ from support.ident_systems import (
 )
 
 SEEDS = st.integers(0, 10_000)
-few = settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])
+few = settings(max_examples=wide(8, 25), suppress_health_check=[HealthCheck.too_slow])
 
 
 @few

@@ -14,7 +14,7 @@ from support.exhaustive import wide
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 SEEDS = st.integers(0, 10_000)
-few = settings(max_examples=wide(12, 25), suppress_health_check=[HealthCheck.too_slow])
+few = settings(max_examples=wide(6, 25), suppress_health_check=[HealthCheck.too_slow])
 
 
 def names(data: IoData, block_rows: int = 20) -> list[str]:

@@ -206,7 +206,7 @@ def test_full_disk___stops_the_recorder_with_an_error_and_not_the_loop(
 
     recorder.wait_for("recording stopped")
     before = len(commands)
-    graph.wait(lambda: len(commands) > before + 300, "commands after the error")
+    graph.wait(lambda: len(commands) > before + 100, "commands after the error")
 
     assert "cannot write: File too large" in recorder.printed
     recorder.send(signal.SIGINT)

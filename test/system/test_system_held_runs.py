@@ -37,7 +37,7 @@ STUCK, NO_NUMBER = ("stuck", "is stuck at"), ("not_a_number", "is not a number")
 @pytest.mark.parametrize(
     ("fault", "reason", "pace"),
     [
-        (*STUCK, "--real-time"),
+        pytest.param(*STUCK, "--real-time", marks=pytest.mark.exhaustive),
         (*NO_NUMBER, "--fast"),
         pytest.param(*STUCK, "--fast", marks=pytest.mark.exhaustive),
         pytest.param(*NO_NUMBER, "--real-time", marks=pytest.mark.exhaustive),

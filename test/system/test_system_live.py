@@ -132,6 +132,7 @@ def test_page___while_an_experiment_runs___leaves_the_arm_to_it(
     assert process.exit_code() == 0, process.printed
 
 
+@pytest.mark.exhaustive
 def test_up___with_a_port_that_is_taken___says_so(graph: Graph) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])

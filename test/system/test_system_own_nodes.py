@@ -86,6 +86,7 @@ def loop(graph: Graph, tmp_path: Path) -> Loop:
     return Loop(graph, tmp_path / "bag")
 
 
+@pytest.mark.exhaustive
 def test_own_reference___smooth_move___arrives_and_the_arm_follows(loop: Loop) -> None:
     process = example(loop.graph, "own_reference")
 

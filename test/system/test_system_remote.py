@@ -49,7 +49,10 @@ def test_status___without_a_graph___says_so(graph: Graph) -> None:
 
 @pytest.mark.parametrize(
     ("words", "wanted"),
-    [(["status"], "node that reports"), (["reference", "1"], "node /flexarm/controller")],
+    [
+        pytest.param(["status"], "node that reports", marks=pytest.mark.exhaustive),
+        (["reference", "1"], "node /flexarm/controller"),
+    ],
 )
 def test_verb___for_an_arm_that_is_not_there___names_those_that_are(
     graph: Graph, words: list[str], wanted: str
@@ -117,13 +120,9 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
     graph.wait(lambda: states[-1].command_v == 0.0, "the drive at zero")
     later = f"; once active again, an active controller drives the arm {motion}, at once"
     assert flexarm("deactivate", "daq") == (0, f"daq is inactive{later}")
-    for set_point, reason in (
-        ("7", "7 V is not in the range -6.85714 to 6.85714 V."),
-        ("200deg", "200 deg is not in the range -80 to 80 deg."),
-    ):
-        code, said = flexarm("reference", set_point)
-        assert code == 2
-        assert said.endswith(reason)
+    code, said = flexarm("reference", "200deg")
+    assert code == 2
+    assert said.endswith("200 deg is not in the range -80 to 80 deg.")
     code, said = flexarm("reference", "far")
     assert code == 2
     assert "'far' is not a number" in said

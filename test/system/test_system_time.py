@@ -71,6 +71,7 @@ def test_simulated_time_without_a_clock___is_told_and_stamps_are_the_wall_clocks
     assert [node.printed.count(said) for node in nodes] == [1, 1, 1]
 
 
+@pytest.mark.exhaustive
 def test_arm_whose_time_runs_ahead___every_stamp_is_of_its_time_and_the_wall_clock_an_entry(
     graph: Graph,
 ) -> None:

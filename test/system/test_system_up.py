@@ -69,6 +69,7 @@ def test_up___samples_and_records_until_ctrl_c(graph: Graph, tmp_path: Path) -> 
     assert states.command_v.any()
 
 
+@pytest.mark.exhaustive
 def test_up___set_point_out_of_travel___is_refused_on_the_terminal(graph: Graph) -> None:
     publisher = graph.node.create_publisher(Float64, "/flexarm/reference", qos.SENT)
     process = graph.run([str(ROOT / "flexarm"), "up", "--no-page", "--rate", "50"])
