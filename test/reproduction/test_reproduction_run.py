@@ -144,6 +144,7 @@ def test_reproduce___worker_with_another_source___gives_no_result(
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_reproduce___dask___computes_on_the_cluster(tmp_path: Path) -> None:
     calls = [Call(math.sqrt, (float(k),)) for k in range(20)]
     wanted = [

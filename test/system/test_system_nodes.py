@@ -109,7 +109,11 @@ def test_nodes_with_a_loop___have_no_shared_memory_that_a_late_node_could_stop_t
     [
         ({}, None),
         pytest.param({"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, None, marks=pytest.mark.exhaustive),
-        ({"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}, "as FASTDDS_BUILTIN_TRANSPORTS has it, "),
+        pytest.param(
+            {"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"},
+            "as FASTDDS_BUILTIN_TRANSPORTS has it, ",
+            marks=pytest.mark.exhaustive,
+        ),
         ({"ROS_STATIC_PEERS": "127.0.0.1"}, "as ROS_STATIC_PEERS has it, "),
     ],
 )
@@ -153,7 +157,7 @@ def test_controller_on_the_topic___tells_its_set_point_and_that_samples_have_sto
     assert reports[0] == "active: no samples any more: is the DAQ node active?"
 
 
-@pytest.mark.parametrize("name", ["daq", "controller"])
+@pytest.mark.parametrize("name", ["daq", pytest.param("controller", marks=pytest.mark.exhaustive)])
 def test_managed_node___goes_through_its_states_twice(graph: Graph, name: str) -> None:
     # The other end of the loop, so that nobody waits for it.
     graph.node.create_subscription(MotorCommand, "command", lambda _: None, qos.NEWEST)
@@ -172,7 +176,11 @@ def test_managed_node___goes_through_its_states_twice(graph: Graph, name: str) -
 
 
 @pytest.mark.parametrize(
-    ("name", "topic", "kind"), [("daq", "state", ArmState), ("controller", "command", MotorCommand)]
+    ("name", "topic", "kind"),
+    [
+        ("daq", "state", ArmState),
+        pytest.param("controller", "command", MotorCommand, marks=pytest.mark.exhaustive),
+    ],
 )
 def test_activation___waits_for_as_many_readers_as_it_is_told(
     graph: Graph, name: str, topic: str, kind: type

@@ -16,7 +16,11 @@ pytestmark = pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "figures"),
     [
-        ("loop.rig", ("times_real_time", "sampled_times_real_time")),
+        pytest.param(
+            "loop.rig",
+            ("times_real_time", "sampled_times_real_time"),
+            marks=pytest.mark.exhaustive,
+        ),
         ("bags.bags", ("ratio_to_anyreader", "read_bag_messages_per_s", "read_bag_40_s_bag_s")),
     ],
 )

@@ -104,6 +104,7 @@ def test_limiter___off_by_a_fifth___is_found(monkeypatch: pytest.MonkeyPatch) ->
     assert found(range(10), "the limit is") <= MOST_EVENTS
 
 
+@pytest.mark.exhaustive
 def test_recorder___that_acknowledges_before_it_writes___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
