@@ -81,6 +81,7 @@ def test_verb___writes_a_parameter_file_for_the_controller(graph: Graph, tmp_pat
     assert "unknown" not in controller.printed
 
 
+@pytest.mark.exhaustive
 def test_service___gives_a_regulator_with_its_model_that_a_running_controller_takes(
     graph: Graph, tmp_path: Path
 ) -> None:

@@ -101,6 +101,7 @@ def test_up___law_unknown___is_refused_without_a_bag_in_the_way(
     assert not bag.exists()
 
 
+@pytest.mark.exhaustive
 def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controller_takes_over(
     graph: Graph, tmp_path: Path
 ) -> None:
@@ -158,7 +159,6 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
     assert run.command_v[alone[-1] + 1 :].any()
 
 
-@pytest.mark.exhaustive
 def test_up___recorder_killed___arm_goes_on_and_another_recorder_takes_its_place(
     graph: Graph, tmp_path: Path
 ) -> None:

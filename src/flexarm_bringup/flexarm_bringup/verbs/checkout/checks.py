@@ -49,7 +49,7 @@ _EXHAUSTIVE = ("tests", (*_ALL, "--hypothesis-profile", "exhaustive"))
 
 @click.command(context_settings=RUN_ON)
 @click.option("--quick", is_flag=True, help="Lint, types and quick unit tests: three minutes.")
-@click.option("--exhaustive", is_flag=True, help="Every seed and every combination, too.")
+@click.option("--exhaustive", is_flag=True, help="Sweeps and whole chains, too.")
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 @examples("test", "test --quick", "test --exhaustive", "test test/unit -k margins")
 def test(arguments: tuple[str, ...], *, quick: bool, exhaustive: bool) -> None:
