@@ -17,7 +17,7 @@ import numpy as np
 
 from bench.tools import make_table
 from flexarm_control import PdpGains, build_law, margins, nominal_model, step_figures
-from flexarm_control.design.regulator_margins import packaged_margins
+from flexarm_control.design.regulator_margins import law_loop
 from flexarm_control.laws.gains import PdGains
 from flexarm_control.laws.law_protocol import Effort
 from flexarm_control.servo.controller import Servo
@@ -192,10 +192,10 @@ def _margin_of(law: Any, model: control.StateSpace) -> float:  # noqa: ANN401 - 
 
 
 def _packaged(law: str, model: control.StateSpace) -> float:
-    found = packaged_margins(law, model)
+    found = law_loop(law, model)
     if found is None:
         raise ValueError(f"{law} has no loop of its own")
-    return found.disk_margin
+    return found.margins().disk_margin
 
 
 def _step_us(law: Law) -> float:

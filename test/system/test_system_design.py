@@ -111,6 +111,7 @@ def test_design___of_a_payload_that_nobody_packaged___holds_its_step(
     report = (out / "report.html").read_text()
     assert "Designed step" in report
     assert "Packaged step" in report
+    assert "complementary sensitivity" in report
     # What was designed is what a controller takes.
     graph.start(
         "controller",

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 CONSOLE = Console(
     highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110
 )
-_PLAIN_STEPS = 10
 _WIDEST = 1000
 _LEVEL = ".friction_level"
 _GRADES = {"do not use": "bold red", "caution": "yellow"}
@@ -124,7 +123,7 @@ def progress() -> Iterator[Callable[[str, float], None]]:
 
     What is called to show it raises the KeyboardInterrupt that a library has swallowed.
     """
-    with _shown_progress(_stage_lines()) as show:
+    with _shown_progress() as show:
 
         def checked(text: str, done: float) -> None:
             check_interruption()
@@ -134,9 +133,9 @@ def progress() -> Iterator[Callable[[str, float], None]]:
 
 
 @contextmanager
-def _shown_progress(plain: Callable[[str, float], None]) -> Iterator[Callable[[str, float], None]]:
+def _shown_progress() -> Iterator[Callable[[str, float], None]]:
     if not CONSOLE.is_terminal:
-        yield plain
+        yield _stage_lines()
         return
     columns = (
         TextColumn("  {task.description:12}", markup=False),
@@ -150,8 +149,8 @@ def _shown_progress(plain: Callable[[str, float], None]) -> Iterator[Callable[[s
 
 @contextmanager
 def progress_bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show how much of `total` is done; without a terminal, a line per tenth."""
-    with _shown_progress(_tenth_lines()) as show:
+    """Show how much of `total` is done; without a terminal, the text alone."""
+    with _shown_progress() as show:
 
         def checked(done: int) -> None:
             check_interruption()
@@ -168,19 +167,6 @@ def _stage_lines() -> Callable[[str, float], None]:
         if text != shown:
             shown = text
             CONSOLE.print(f"  {text}")
-
-    return show
-
-
-def _tenth_lines() -> Callable[[str, float], None]:
-    shown = -1
-
-    def show(text: str, done: float) -> None:
-        nonlocal shown
-        tenths = int(done * _PLAIN_STEPS)
-        if tenths != shown:
-            shown = tenths
-            CONSOLE.print(f"  {100 * tenths // _PLAIN_STEPS:3d} % {text}")
 
     return show
 

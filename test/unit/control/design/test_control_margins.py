@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexarm_control import ControlError, Margins, PdpGains, margins, nominal_model
-from flexarm_control.design.margins import loop_margins, margin_frequencies_hz
+from flexarm_control.design.margins import Loop, margin_frequencies_hz
 from flexarm_control.models.arm_model import delayed
 
 DT_S = 1 / 300
@@ -227,7 +227,7 @@ FREQUENCIES_HZ = margin_frequencies_hz(control.StateSpace([[0.0]], [[1.0]], [[1.
 
 def of_response(loop: np.ndarray) -> Margins:
     """Return the margins of a loop by its response."""
-    return loop_margins(FREQUENCIES_HZ, loop, np.ones_like(loop), stable=True)
+    return Loop(FREQUENCIES_HZ, loop, np.ones_like(loop), stable=True).margins()
 
 
 def test_two_crossovers_below_the_limit___the_last_one_counts() -> None:

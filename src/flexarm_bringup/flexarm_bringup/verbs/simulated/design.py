@@ -23,7 +23,8 @@ from flexarm_bringup.verbs.simulated.run_settings import (
 )
 from flexarm_bringup.verbs.simulated.simulated_run import REPLY_DELAY_S
 from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V, versions
-from flexarm_control.design.regulator_margins import packaged_margins
+from flexarm_control.design.loop_plot import loop_plot
+from flexarm_control.design.regulator_margins import law_loop
 from flexarm_control.design.requirements import Requirements
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.registry import LAWS
@@ -33,13 +34,14 @@ from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_ident.models.model_parameters import models_in
 from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.report.content.blocks import Plots, Words
 from flexarm_ident.report.page import append_section
 from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
     from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
     from flexarm_bringup.verbs.simulated.step_results import ControlledStep
-    from flexarm_control.design.margins import Margins
+    from flexarm_control.design.margins import Loop, Margins
     from flexarm_control.design.tuning_job import TuneResult
 
 CONTROLLER_FILE = "controller.yaml"
@@ -66,14 +68,20 @@ class DesignSettings(RunSettings):
 
 
 class Designed(NamedTuple):
-    """Model and design of a run, its step, and step and margins of the packaged law."""
+    """Model and design of a run, its step and loop, and those of the packaged law."""
 
     model: IdentifiedModel
     modes_hz: tuple[float, ...]
     result: TuneResult
     step: ControlledStep
     packaged: ControlledStep
-    packaged_margins: Margins | None
+    loop: Loop | None
+    packaged_loop: Loop | None
+
+    @property
+    def packaged_margins(self) -> Margins | None:
+        """Margins of the packaged law on the model of the design."""
+        return None if self.packaged_loop is None else self.packaged_loop.margins()
 
     @property
     def remarks(self) -> list[str]:
@@ -148,8 +156,15 @@ def _run_design(settings: DesignSettings) -> None:
         step = run.step("designed", {"law": law, **result.parameters})
         run.begin(f"Controlling the arm: {law} as packaged")
         packaged = run.step("packaged", {"law": law, **_packaged(law)})
-    beside = packaged_margins(law, model, delay_s=REPLY_DELAY_S)
-    _write(settings, Designed(identified, modes_hz, result, step, packaged, beside))
+    start = f"{law}."
+    values = {
+        name.removeprefix(start): value
+        for name, value in result.parameters.items()
+        if name.startswith(start)
+    }
+    loop = law_loop(law, model, values, delay_s=REPLY_DELAY_S)
+    beside = law_loop(law, model, delay_s=REPLY_DELAY_S)
+    _write(settings, Designed(identified, modes_hz, result, step, packaged, loop, beside))
 
 
 def _packaged(law: str) -> dict[str, Any]:
@@ -166,7 +181,9 @@ def _write(settings: DesignSettings, designed: Designed) -> None:
     report = (model.folder / REPORT_FILE).read_text("utf-8")
     report = append_section(report, "Designed step", designed.step.blocks(f"{law} as designed"))
     packaged = designed.packaged.blocks(f"{law} as packaged")
-    (out / REPORT_FILE).write_text(append_section(report, "Packaged step", packaged), "utf-8")
+    report = append_section(report, "Packaged step", packaged)
+    report = append_section(report, "Sensitivity", _sensitivity(designed))
+    (out / REPORT_FILE).write_text(report, "utf-8")
     text = json.dumps(_summary(settings, designed), indent=2)
     (out / SUMMARY_FILE).write_text(text + "\n", "utf-8")
     (margins,) = designed.result.margins
@@ -177,6 +194,21 @@ def _write(settings: DesignSettings, designed: Designed) -> None:
     for line in designed.remarks:
         terminal.CONSOLE.print(f"  {line}")
     terminal.step(f"Parameters: {out / CONTROLLER_FILE}. {settings.told_results()}")
+
+
+def _sensitivity(designed: Designed) -> tuple[Words, Plots]:
+    """Return the loops of both controllers on the identified model, for the report."""
+    loops = {"designed": designed.loop, "packaged": designed.packaged_loop}
+    shown = {name: loop for name, loop in loops.items() if loop is not None}
+    words = [
+        f"{name}: {margins.gain_margin_db:.1f} dB gain margin, {margins.phase_margin_deg:.0f}° "
+        f"phase margin, largest sensitivity {np.max(np.abs(loop.sensitivity)):.2f}"
+        for name, loop in shown.items()
+        for margins in [loop.margins()]
+    ]
+    return Words(f"On the identified model, {'; '.join(words)}."), Plots(
+        (("", loop_plot(shown)),), wide=True
+    )
 
 
 def _told(margins: Margins | None) -> str:
