@@ -212,8 +212,11 @@ def test_stop_button___pressed___is_latched_until_the_next_start(board: Simulate
 
 def test_line___held_by_a_program___is_refused_to_another(board: SimulatedBoard) -> None:
     rig = opened(board.port)
+    swinging(board, rig)
     with pytest.raises(RigError, match="held by another program"):
         opened(board.port)
+    # It has not been reset, and obeys the first one still.
+    swinging(board, rig)
     rig.close()
 
 

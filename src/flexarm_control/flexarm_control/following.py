@@ -6,32 +6,43 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from flexarm_control.planning.joint_trajectory import Moment
 
-    from flexarm_control.planning.joint_trajectory import JointTrajectory, Moment
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from flexarm_control.planning.joint_trajectory import JointTrajectory
     from flexarm_core.arrays import FloatArray
 
 
 class Tolerances(NamedTuple):
-    """Largest errors of the joints, rad, infinite for any, and the time to reach the goal, s."""
+    """What the joints must keep to, in rows of rad and rad/s, (2, joints), infinite for anything.
 
-    path_rad: FloatArray
-    goal_rad: FloatArray
+    `goal_s` is the time after the end of the trajectory to reach the goal, s; infinite for any.
+    """
+
+    path: FloatArray
+    goal: FloatArray
     goal_s: float
 
 
 class Told(NamedTuple):
-    """What a sample has told: its stamp, ns, what is wanted, and where the joints are, rad."""
+    """What a sample has told: its stamp, ns, what is wanted, and where the joints are.
+
+    Velocities that are not measured are not numbers.
+    """
 
     taken_ns: int
     desired: Moment
-    actual_rad: FloatArray
+    actual: Moment
 
     @property
-    def error_rad(self) -> FloatArray:
-        """Errors of the joints, rad."""
-        return self.desired.positions - self.actual_rad
+    def error(self) -> Moment:
+        """Errors of the joints, rad and rad/s."""
+        return Moment(
+            self.desired.positions - self.actual.positions,
+            self.desired.velocities - self.actual.velocities,
+        )
 
 
 class Following:
@@ -45,8 +56,8 @@ class Following:
         The trajectory, rad.
     tolerances : Tolerances
         What its joints must keep to.
-    places : sequence of int
-        Place of each joint's angle among the outputs.
+    measured : callable
+        Function that returns the joints for the outputs of a sample.
     per_rad : ndarray, (joints,)
         Units of the set-points in a radian.
 
@@ -65,11 +76,11 @@ class Following:
         self,
         trajectory: JointTrajectory,
         tolerances: Tolerances,
-        places: Sequence[int],
+        measured: Callable[[Sequence[float]], Moment],
         per_rad: FloatArray,
     ) -> None:
         self._trajectory, self._tolerances = trajectory, tolerances
-        self._places, self._per_rad = list(places), per_rad
+        self._measured, self._per_rad = measured, per_rad
         self._start_ns: int | None = None
         self.told: Told | None = None
         self.ended: str | None = None
@@ -80,15 +91,14 @@ class Following:
             self._start_ns = taken_ns
         time_s = 1e-9 * (taken_ns - self._start_ns)
         if self.ended is None or self.told is None:
-            actual_rad = np.asarray(outputs)[self._places] / self._per_rad
-            self.told = Told(taken_ns, self._trajectory.at(time_s), actual_rad)
-            self.ended = self._ending(time_s, np.abs(self.told.error_rad))
+            self.told = Told(taken_ns, self._trajectory.at(time_s), self._measured(outputs))
+            self.ended = self._ending(time_s, np.abs(self.told.error))
         return tuple((self.told.desired.positions * self._per_rad).tolist())
 
-    def _ending(self, time_s: float, errors_rad: FloatArray) -> str | None:
+    def _ending(self, time_s: float, errors: FloatArray) -> str | None:
         late_s = time_s - self._trajectory.end_s
         if late_s < 0.0:
-            return self.PATH if (errors_rad > self._tolerances.path_rad).any() else None
-        if (errors_rad <= self._tolerances.goal_rad).all():
+            return self.PATH if (errors > self._tolerances.path).any() else None
+        if not (errors > self._tolerances.goal).any():
             return ""
         return self.GOAL if late_s > self._tolerances.goal_s else None

@@ -11,12 +11,12 @@ from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from flexarm_control.following import Following, Tolerances
-from flexarm_control.planning.joint_trajectory import Point, places_of, trajectory_through
+from flexarm_control.planning.joint_trajectory import Moment, Point, places_of, trajectory_through
 from flexarm_core.errors import SettingError
 from flexarm_node.stamps import set_stamp
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from flexarm_core.arrays import FloatArray
     from flexarm_core.rig_description import RigDescription
@@ -128,17 +128,38 @@ def following_of(
         each.name: (each.low / unit, each.high / unit)
         for each, unit in zip(rig.tracks, per_rad, strict=True)
     }
+    goal_s = _seconds(request.goal_time_tolerance)
     tolerances = Tolerances(
         _largest(request.path_tolerance, list(travels)),
         _largest(request.goal_tolerance, list(travels)),
-        _seconds(request.goal_time_tolerance),
+        # As in joint_trajectory_controller, no time waits for ever.
+        goal_s if goal_s > 0.0 else np.inf,
     )
     return Following(
-        trajectory_through(start.tolist(), points, travels),
-        tolerances,
-        [rig.output_names.index(each.output) for each in rig.tracks],
-        per_rad,
+        trajectory_through(start.tolist(), points, travels), tolerances, _measured(rig), per_rad
     )
+
+
+def _measured(rig: RigDescription) -> Callable[[Sequence[float]], Moment]:
+    """Return the function that takes positions and velocities of the joints from outputs.
+
+    A joint without an output for its rate has a velocity that is not a number.
+    """
+    rates = {joint.angle: joint.rate for joint in rig.joints}
+
+    def scaled(names: Sequence[str | None]) -> tuple[list[int], FloatArray]:
+        places = [rig.output_names.index(name) if name else 0 for name in names]
+        found = [rig.output(name).per_si or 1.0 if name else np.nan for name in names]
+        return places, np.array(found)
+
+    angle_places, per_rad = scaled([each.output for each in rig.tracks])
+    rate_places, per_rad_per_s = scaled([rates.get(each.output) for each in rig.tracks])
+
+    def measured(outputs: Sequence[float]) -> Moment:
+        values = np.asarray(outputs)
+        return Moment(values[angle_places] / per_rad, values[rate_places] / per_rad_per_s)
+
+    return measured
 
 
 def _in_order(values: Sequence[float], places: Sequence[int]) -> list[float]:
@@ -147,9 +168,12 @@ def _in_order(values: Sequence[float], places: Sequence[int]) -> list[float]:
 
 
 def _largest(tolerances: Sequence[Any], names: Sequence[str]) -> FloatArray:
-    """Return the largest error of each joint, rad; zero and less are none in the message."""
-    positions = {each.name: each.position for each in tolerances}
-    given = np.array([positions.get(name, 0.0) for name in names])
+    """Return the largest errors, (2, joints), rad and rad/s; zero and less are none in the message.
+
+    Those of accelerations are not taken: no joint measures one.
+    """
+    errors = {each.name: (each.position, each.velocity) for each in tolerances}
+    given = np.array([errors.get(name, (0.0, 0.0)) for name in names]).T
     return np.where(given > 0.0, given, np.inf)
 
 
@@ -162,14 +186,20 @@ def _feedback(following: Following, names: Sequence[str]) -> FollowJointTrajecto
     assert told is not None  # noqa: S101 - the caller has looked
     message = FollowJointTrajectory.Feedback(
         joint_names=list(names),
-        desired=JointTrajectoryPoint(
-            positions=told.desired.positions, velocities=told.desired.velocities
-        ),
-        actual=JointTrajectoryPoint(positions=told.actual_rad),
-        error=JointTrajectoryPoint(positions=told.error_rad),
+        desired=_point(told.desired),
+        actual=_point(told.actual),
+        error=_point(told.error),
     )
     set_stamp(message.header.stamp, told.taken_ns)
     return message
+
+
+def _point(moment: Moment) -> JointTrajectoryPoint:
+    """Return a point with velocities where all joints have one."""
+    point = JointTrajectoryPoint(positions=moment.positions)
+    if np.isfinite(moment.velocities).all():
+        point.velocities = moment.velocities
+    return point
 
 
 def _ended(
@@ -187,8 +217,10 @@ def _ended(
             Following.GOAL: _Result.GOAL_TOLERANCE_VIOLATED,
         }
         assert following.told is not None  # noqa: S101 - a sample has ended it
-        errors = ", ".join(f"{each:.3g}" for each in following.told.error_rad)
-        said = f"{following.ended} tolerance violated, the errors are {errors} rad"
+        errors = [", ".join(f"{each:.3g}" for each in row) for row in following.told.error]
+        said = "{} tolerance violated, the errors are {} rad and {} rad/s".format(
+            following.ended, *errors
+        )
         return _aborted(goal, codes[following.ended], said)
     if is_in_force:
         goal.canceled()

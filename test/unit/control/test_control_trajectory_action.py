@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from flexarm_control.following import Following
 
-PER_RAD = 4.9110668154070565
+PER_RAD, PER_RAD_PER_S = 4.9110668154070565, 0.2014
 
 
 class _Result(SimpleNamespace):
@@ -34,13 +34,21 @@ class _Feedback(SimpleNamespace):
 class _Goal:
     """Goal of a client, and what has become of it."""
 
-    def __init__(self, name: str, *, path_rad: float = 0.0) -> None:
+    def __init__(
+        self,
+        name: str,
+        *,
+        path_rad: float = 0.0,
+        path_rad_per_s: float = 0.0,
+        goal_rad: float = 0.0,
+        goal_s: int = 0,
+    ) -> None:
         point = SimpleNamespace(positions=[0.4], velocities=[], time_from_start=Duration(sec=2))
         self.request = SimpleNamespace(
             trajectory=SimpleNamespace(joint_names=[name], points=[point]),
-            path_tolerance=[SimpleNamespace(name=name, position=path_rad)],
-            goal_tolerance=[],
-            goal_time_tolerance=Duration(),
+            path_tolerance=[SimpleNamespace(name=name, position=path_rad, velocity=path_rad_per_s)],
+            goal_tolerance=[SimpleNamespace(name=name, position=goal_rad, velocity=0.0)],
+            goal_time_tolerance=Duration(sec=goal_s),
         )
         self.is_cancel_requested = False
         self.state = ""
@@ -130,8 +138,13 @@ def run(
     pytest.fail("the goal goes on")
 
 
-def sample(controller: Any, time_s: float, position_rad: float) -> Callable[[], None]:  # noqa: ANN401
-    outputs = [PER_RAD * position_rad, 0.0, 0.0, 0.0]
+def sample(
+    controller: Any,  # noqa: ANN401
+    time_s: float,
+    position_rad: float,
+    rad_per_s: float = 0.0,
+) -> Callable[[], None]:
+    outputs = [PER_RAD * position_rad, 0.0, 0.0, PER_RAD_PER_S * rad_per_s]
 
     def take() -> None:
         (controller.reference,) = controller.followed.references(round(1e9 * time_s), outputs)
@@ -146,6 +159,7 @@ def test_goal___followed_to_its_end___succeeds_with_feedback_in_rad(controller: 
     assert (goal.state, result.error_code) == ("succeeded", 0)
     assert [each.desired.positions[0] for each in goal.feedback] == pytest.approx([0.0, 0.2, 0.4])
     assert goal.feedback[1].error.positions[0] == pytest.approx(0.1)
+    assert goal.feedback[1].error.velocities[0] == pytest.approx(0.2)
     assert controller.reference == pytest.approx(0.4 * PER_RAD)
     assert controller.followed is None
 
@@ -167,10 +181,24 @@ def test_goal___cancelled_replaced_or_off_its_path___is_held(controller: Any) ->
     strict = _Goal("hub", path_rad=0.1)
     result = run(controller, strict, sample(controller, 5.0, 0.2))
     assert (strict.state, result.error_code) == ("aborted", -4)
-    assert "path tolerance violated, the errors are -0.2 rad" in result.error_string
+    assert "path tolerance violated, the errors are -0.2 rad and 0.2 rad/s" in result.error_string
 
 
 def test_goal___of_another_joint___is_refused(controller: Any) -> None:  # noqa: ANN401
     result = run(controller, _Goal("elbow"))
     assert (result.error_code, controller.followed) == (-2, None)
     assert "no joint 'elbow' (known: hub)" in result.error_string
+
+
+def test_goal___with_tolerances___is_as_in_joint_trajectory_controller(controller: Any) -> None:  # noqa: ANN401
+    slow = _Goal("hub", path_rad_per_s=0.05)
+    steps = [sample(controller, time_s, 0.0, rate) for time_s, rate in ((5.0, 0.2), (6.0, 0.1))]
+    result = run(controller, slow, *steps)
+    assert (slow.state, result.error_code) == ("aborted", -4)
+    assert "and 0.1 rad/s" in result.error_string
+    # No time to reach the goal waits for ever, one second does not.
+    late = [sample(controller, time_s, 0.1) for time_s in (5.0, 7.5, 8.5, 1000.0)]
+    strict = _Goal("hub", goal_rad=0.01, goal_s=1)
+    assert run(controller, strict, *late).error_code == -5
+    patient = _Goal("hub", goal_rad=0.01)
+    assert run(controller, patient, *late, sample(controller, 1001.0, 0.4)).error_code == 0
