@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import math
+from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import control
 import numpy as np
+
+from flexarm_control.servo.job import Source
+from flexarm_ident.friction.dry_friction import load_friction
+from flexarm_ident.models.files import load_model, load_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,6 +72,13 @@ def two_joints(dt_s: float = DT_S) -> control.StateSpace:
         inputs=["torque1", "torque2"],
         outputs=["hub1", "hub2"],
     )
+
+
+def measured_arm() -> Source:
+    """Return the packaged model of the measured arm with two flexible links, with its friction."""
+    file = Path(str(files("flexarm_control.models"))) / "identified" / "quanser_2dsfl.yaml"
+    facts = {key.rpartition(".")[2]: value for key, value in load_parameters(file).items()}
+    return Source("arm", load_model(file), load_friction(file), facts=facts)
 
 
 def _static(model: control.StateSpace) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:

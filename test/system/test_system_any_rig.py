@@ -14,15 +14,17 @@ from websockets.sync.client import connect
 
 from flexarm_control.replaying.comparison import replay
 from flexarm_control.replaying.record import read_loop
+from flexarm_control.servo.files import save_controller
+from flexarm_control.servo.job import ServoRequest, design_servo
 from flexarm_control.twin import twin_description
-from flexarm_core.rig_description import described
+from flexarm_core.rig_description import described, load_rig
 from flexarm_ident import identify, read_bag
 from flexarm_ident.models.files import save_model
 from flexarm_live.graph.about import columns_of
 from flexarm_msgs.msg import IoSample
 from flexarm_node import qos
 from support.live_server import ask, frame_after
-from support.servo_plants import DT_S, bending_arm, two_joints
+from support.servo_plants import DT_S, bending_arm, measured_arm, two_joints
 from support.system_graph import ROOT
 
 if TYPE_CHECKING:
@@ -165,6 +167,38 @@ def test_up___its_page___moves_each_joint_stops_and_releases(graph: Graph, tmp_p
         frame_after(page, lambda frame: frame[-1, inputs].all())
     graph.wait(lambda: bool(told), "the description")
     assert told == [file.read_text()]
+    process.send(signal.SIGINT)
+    assert process.exit_code() == 0, process.printed
+    found = replay(read_loop(bag))
+    assert found.compared > 100
+    assert found.differences == ()
+
+
+def test_up___twin_of_a_measured_arm_under_its_servo___both_joints_go_where_they_are_put(
+    graph: Graph, tmp_path: Path
+) -> None:
+    request = ServoRequest(("hub1_deg", "hub2_deg"), {}, bandwidth_hz=0.65)
+    save_controller(tmp_path / "controller.yaml", design_servo([measured_arm()], request).gains)
+    bag = tmp_path / "bag"
+    words = ["up", "--rig", "quanser-2dsfl", "--port", "0", "--bag", str(bag)]
+    process = graph.run(
+        [str(ROOT / "flexarm"), *words, "--controller", str(tmp_path / "controller.yaml")]
+    )
+    process.wait_for("#token=")
+    (address,) = (line for line in process.printed.splitlines() if line.startswith("http"))
+    columns = ["time", *columns_of(load_rig("quanser-2dsfl"))]
+    angles = [columns.index(name) for name in ("hub1_deg", "hub2_deg")]
+    live = address.replace("http", "ws", 1).replace("/#", "/live?")
+    with connect(live, compression=None, ping_interval=None) as page:
+        frame_after(page, lambda frame: len(frame) > 0)
+        reply = ask(page, do="reference", joint="shoulder", value_v=10.0)
+        assert reply["ok"], reply
+        put = graph.run([str(ROOT / "flexarm"), "reference", "elbow", "5deg"])
+        assert put.exit_code() == 0, put.printed
+        # A twentieth of each step.
+        frame_after(
+            page, lambda frame: (np.abs(frame[:, angles] - (10.0, 5.0)) < (0.5, 0.25)).all()
+        )
     process.send(signal.SIGINT)
     assert process.exit_code() == 0, process.printed
     found = replay(read_loop(bag))

@@ -101,11 +101,11 @@ static inline void servo_step(servo_controller *s, const double *y, const double
             for (j = 0; j < SERVO_TRACKED; j++)
                 wanted[i] += servo_forward[(k * SERVO_INPUTS + i) * SERVO_TRACKED + j]
                              * s->plan[5 + k][j];
+        for (j = 0; j < SERVO_STATES; j++)
+            wanted[i] -= servo_planning[i * SERVO_STATES + j] * s->state[1][j];
         total = wanted[i];
-        for (j = 0; j < SERVO_STATES; j++) {
-            total -= servo_feedback[i * SERVO_STATES + j] * now[j];
-            wanted[i] -= servo_feedback[i * SERVO_STATES + j] * s->state[1][j];
-        }
+        for (j = 0; j < SERVO_STATES; j++)
+            total -= servo_feedback[i * SERVO_STATES + j] * (now[j] - s->state[1][j]);
         if (servo_levels[i] > 0.0) {
             double moving = 0.0, heading = 0.0;
             for (j = 0; j < SERVO_STATES; j++)
@@ -167,6 +167,7 @@ def c_controller(gains: ServoGains) -> str:
         "c": gains.C,
         "feedback": gains.feedback,
         "correction": gains.correction,
+        "planning": gains.planning,
         "forward": gains.forward,
         "rest": gains.rest,
         "slopes": gains.slopes,

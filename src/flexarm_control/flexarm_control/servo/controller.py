@@ -37,9 +37,11 @@ class ServoGains:
     A, B, C : ndarray
         Model with disturbances: (states, states), (states, inputs), (outputs, states).
     feedback : ndarray, (inputs, states)
-        Gain on the estimated state.
+        Gain on what the estimated state differs from the planned one.
     correction : ndarray, (states, outputs)
         Gain of the filter.
+    planning : ndarray, (inputs, states)
+        Gain on the planned state.
     forward : ndarray, (3, inputs, tracked)
         Gains on the planned set-points and on their differences.
     rest : ndarray, (states, tracked)
@@ -70,6 +72,7 @@ class ServoGains:
     C: FloatArray
     feedback: FloatArray
     correction: FloatArray
+    planning: FloatArray
     forward: FloatArray
     rest: FloatArray
     slopes: FloatArray
@@ -88,6 +91,7 @@ class Law(NamedTuple):
     C: FloatArray
     feedback: FloatArray
     correction: FloatArray
+    planning: FloatArray
     forward: FloatArray
     rest: FloatArray
     slopes: FloatArray
@@ -271,18 +275,20 @@ def advance(law: Law, memory: Memory, y: FloatArray, r: FloatArray, u: FloatArra
             error -= law.C[k, i] * memory.state[0, i]
         for i in range(len(now)):
             now[i] += law.correction[i, k] * error
-    net = np.zeros(len(u))
+    wanted, net = np.zeros(len(u)), np.zeros(len(u))
     for i in range(len(u)):
-        total = 0.0
         for k in range(3):
             for j in range(len(r)):
-                total += law.forward[k, i, j] * memory.plan[5 + k, j]
+                wanted[i] += law.forward[k, i, j] * memory.plan[5 + k, j]
         for j in range(len(now)):
-            total -= law.feedback[i, j] * now[j]
+            wanted[i] -= law.planning[i, j] * memory.state[1, j]
+        total = wanted[i]
+        for j in range(len(now)):
+            total -= law.feedback[i, j] * (now[j] - memory.state[1, j])
         friction = _friction(law, memory, i)
         u[i] = min(max(total + friction, -law.limits[i]), law.limits[i])
         net[i] = u[i] - friction
-    _predict(law, memory, now, net)
+    _predict(law, memory, now, net, wanted)
 
 
 @compiled
@@ -317,6 +323,7 @@ def _unpacked(
                 outputs * n,
                 inputs * n,
                 n * outputs,
+                inputs * n,
                 3 * inputs * tracked,
                 n * tracked,
                 tracked,
@@ -339,23 +346,24 @@ def _unpacked(
         packed[ends[1] : ends[2]].reshape(outputs, n),
         packed[ends[2] : ends[3]].reshape(inputs, n),
         packed[ends[3] : ends[4]].reshape(n, outputs),
-        packed[ends[4] : ends[5]].reshape(3, inputs, tracked),
-        packed[ends[5] : ends[6]].reshape(n, tracked),
-        packed[ends[6] : ends[7]],
+        packed[ends[4] : ends[5]].reshape(inputs, n),
+        packed[ends[5] : ends[6]].reshape(3, inputs, tracked),
+        packed[ends[6] : ends[7]].reshape(n, tracked),
         packed[ends[7] : ends[8]],
         packed[ends[8] : ends[9]],
-        packed[ends[9] : ends[10]].reshape(inputs, n),
-        packed[ends[10] : ends[11]].reshape(inputs, tracked),
-        packed[ends[11] : ends[12]],
+        packed[ends[9] : ends[10]],
+        packed[ends[10] : ends[11]].reshape(inputs, n),
+        packed[ends[11] : ends[12]].reshape(inputs, tracked),
+        packed[ends[12] : ends[13]],
         places,
     )
     memory = Memory(
-        packed[ends[12] : ends[13]].reshape(2, n),
-        packed[ends[13] : ends[14]].reshape(PLAN_ROWS, tracked),
-        packed[ends[14] : ends[15]].reshape(long, tracked),
-        packed[ends[15] : ends[16]].reshape(short, tracked),
+        packed[ends[13] : ends[14]].reshape(2, n),
+        packed[ends[14] : ends[15]].reshape(PLAN_ROWS, tracked),
+        packed[ends[15] : ends[16]].reshape(long, tracked),
+        packed[ends[16] : ends[17]].reshape(short, tracked),
         progress,
-        packed[ends[16] : ends[17]],
+        packed[ends[17] : ends[18]],
     )
     return law, memory
 
@@ -427,17 +435,12 @@ def _average(plan: FloatArray, row: int, window: FloatArray, progress: NDArray[n
 
 
 @compiled
-def _predict(law: Law, memory: Memory, now: FloatArray, net: FloatArray) -> None:
+def _predict(
+    law: Law, memory: Memory, now: FloatArray, net: FloatArray, wanted: FloatArray
+) -> None:
     """Write what the filter and the plan expect at the next sample."""
     states, inputs = law.B.shape
-    wanted = np.zeros(inputs)
     planned = memory.state[1].copy()
-    for i in range(inputs):
-        for k in range(3):
-            for j in range(memory.plan.shape[1]):
-                wanted[i] += law.forward[k, i, j] * memory.plan[5 + k, j]
-        for j in range(states):
-            wanted[i] -= law.feedback[i, j] * planned[j]
     for i in range(states):
         total, ahead = 0.0, 0.0
         for j in range(states):

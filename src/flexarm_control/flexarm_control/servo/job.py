@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 _PERIODS = 8.0
 # Periods of the bandwidth that a step may take.
 _LONGEST = 1000.0
-_WIDTH = 0.05
+_WIDTH, _WIDEST = 0.05, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,9 +219,9 @@ def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesig
     else:
         choice = at_bandwidth(plants, tracked, request.bandwidth_hz, limits=limits)
     notes = tuple(filter(None, (choice.caution, _backwards(plants, tracked), *notes)))
-    gains = _gains(choice, first, limits)
-    servo = Servo(gains)
     steps = _steps(first, tracked)
+    gains = _gains(choice, first, limits, steps)
+    servo = Servo(gains)
     slowest = np.max(np.abs(steps) / gains.slopes, initial=0.0) / gains.rate_hz
     seconds = _PERIODS / gains.bandwidth_hz + slowest
     if not seconds < _LONGEST / gains.bandwidth_hz:
@@ -302,7 +302,7 @@ def _steps(source: Source, tracked: Sequence[int]) -> FloatArray:
     return np.where(covered > 0.0, 0.5 * covered, 1.0)
 
 
-def _gains(choice: Choice, source: Source, limits: FloatArray) -> ServoGains:
+def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray) -> ServoGains:
     regulator = choice.regulator
     plant = regulator.plant
     order, states = plant.nstates, len(regulator.A)
@@ -313,6 +313,7 @@ def _gains(choice: Choice, source: Source, limits: FloatArray) -> ServoGains:
         speed[:, : source.model.nstates] = source.friction.speed
     headings = speed[:, :order] @ ramp_state(regulator)
     plan = plan_for(regulator, limits, levels)
+    moves = np.abs(headings) @ np.abs(steps) / plan.windows[0]
     rest = np.zeros((states, len(regulator.tracked)))
     rest[:order] = regulator.rest
     return ServoGains(
@@ -328,6 +329,7 @@ def _gains(choice: Choice, source: Source, limits: FloatArray) -> ServoGains:
         C=regulator.C,
         feedback=regulator.feedback,
         correction=regulator.correction,
+        planning=regulator.planning,
         forward=regulator.forward,
         rest=rest,
         slopes=plan.slopes,
@@ -335,17 +337,20 @@ def _gains(choice: Choice, source: Source, limits: FloatArray) -> ServoGains:
         levels=levels,
         speed=speed,
         headings=headings,
-        widths=_widths(regulator, speed[:, :order], levels),
+        widths=_widths(regulator, speed[:, :order], levels, moves),
     )
 
 
-def _widths(regulator: Regulator, speed: FloatArray, levels: FloatArray) -> FloatArray:
-    """Return planned speeds from which friction is made up for in full, (inputs,).
+def _widths(
+    regulator: Regulator, speed: FloatArray, levels: FloatArray, moves: FloatArray
+) -> FloatArray:
+    """Return planned speeds from which friction is compensated in full, (inputs,).
 
-    They are a twentieth of the speeds that a force of the friction's size makes at the bandwidth.
+    They are a twentieth of the speeds that a force of the friction's size makes at the bandwidth,
+    and a tenth of the speeds `moves` of a step at most: strong friction is met in small moves too.
     """
     plant = regulator.plant
     speeds = state_space(plant.A, plant.B, speed, 0.0, float(plant.dt))
-    moves = np.abs(frequency_response(speeds, [regulator.bandwidth_hz])[0])
-    sizes = _WIDTH * np.diag(moves) * levels
+    gains = np.abs(frequency_response(speeds, [regulator.bandwidth_hz])[0])
+    sizes = np.minimum(_WIDTH * np.diag(gains) * levels, _WIDEST * moves)
     return np.where(sizes > 0.0, sizes, 1.0)

@@ -5,9 +5,11 @@ is not tracked, as far as the outputs tell them apart:
 
     x[k+1] = A x[k] + B (u[k] + d[k]),   y[k] = C x[k] + b[k]
 
-The command is u = N w - K x - d, where w is the planned set-point. With as many disturbances as
-outputs the tracked ones come to rest on their set-points whatever the gains of the plant
-(Pannocchia and Rawlings, "Disturbance models for offset-free model-predictive control", AIChE
+A planned set-point w moves a model of the plant by the command v = N w - L p, where p is the
+model's state, the planned one. The plant gets u = v - K (x - p) - d. So the plan is followed by a
+loop of its own, faster than the one that noise and errors of the model allow. With as many
+disturbances as outputs the tracked ones come to rest on their set-points whatever the gains of the
+plant (Pannocchia and Rawlings, "Disturbance models for offset-free model-predictive control", AIChE
 Journal 49 (2003)). The filter hears the command that was applied, so a limit winds nothing up.
 
 All weights follow from one frequency, the bandwidth. There the regulator crosses over, and the
@@ -48,6 +50,8 @@ _HIDDEN = 1e-9
 _UNREACHED = 1e-6
 _FLOOR = 1e-24
 _SLOW = 0.01
+# Bandwidth of the planned motion over that of the loop, which noise and errors do not reach.
+_AHEAD = 5.0
 
 
 class Filter(NamedTuple):
@@ -87,6 +91,8 @@ class Regulator:
         Gain on the estimated state with disturbances.
     correction : ndarray, (states, outputs)
         Gain of the filter at a sample.
+    planning : ndarray, (inputs, states)
+        Gain L on the planned state.
     forward : ndarray, (3, inputs, tracked)
         Gains N on the planned set-points and on their first and second differences.
     tracked : tuple of int
@@ -101,6 +107,7 @@ class Regulator:
     C: FloatArray
     feedback: FloatArray
     correction: FloatArray
+    planning: FloatArray
     forward: FloatArray
     tracked: tuple[int, ...]
     bandwidth_hz: float
@@ -121,7 +128,7 @@ class Regulator:
     @property
     def following(self) -> control.StateSpace:
         """Planned set-points with their differences to the inputs, when the model is true."""
-        gain = self.feedback[:, : self.plant.nstates]
+        gain = self.planning[:, : self.plant.nstates]
         forward = np.hstack(list(self.forward))
         A = self.plant.A - self.plant.B @ gain
         return state_space(A, self.plant.B @ forward, -gain, forward, float(self.plant.dt))
@@ -129,7 +136,7 @@ class Regulator:
     @property
     def rest(self) -> FloatArray:
         """State of the plant at rest for unit tracked outputs, (states, tracked)."""
-        A = self.plant.A - self.plant.B @ self.feedback[:, : self.plant.nstates]
+        A = self.following.A
         at_rest = np.linalg.solve(np.eye(len(A)) - A, self.plant.B @ self.forward[0])
         return np.asarray(at_rest)
 
@@ -221,7 +228,6 @@ def design_regulator(
     _require_reach(plant, tracked, moves, bandwidth_hz)
     scale = np.ones(plant.ninputs) if limits is None else np.asarray(limits, dtype=np.float64)
     scale = np.where(np.isfinite(scale), scale, 1.0)
-    weight = _output_weight(plant, tracked, bandwidth_hz, scale)
     filter_hz = min(through.ratio * bandwidth_hz, 0.25 / dt_s)
     sizes = _sizes(plant, filter_hz, scale)
     A, B, C, noise, rejection = _with_disturbances(plant, tracked, bandwidth_hz, sizes, scale)
@@ -229,18 +235,23 @@ def design_regulator(
     driven = seen @ plant.B * scale
     noise[: plant.nstates, : plant.nstates] = driven @ driven.T
     try:
-        cost = _even(plant.C.T @ weight @ plant.C)
-        gain, *_ = library.dlqr(plant.A, plant.B, cost, np.diag(scale**-2.0))
+        gain = _gain(plant, tracked, bandwidth_hz, scale)
+        ahead = _gain(plant, tracked, _AHEAD * bandwidth_hz, scale)
         _, spread, _ = library.dlqe(A, np.eye(len(A)), C, _even(noise), np.diag(sizes**2))
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SettingError(_no_design(bandwidth_hz)) from error
     spread = np.asarray(spread)
     correction = np.linalg.solve(C @ spread @ C.T + np.diag(sizes**2), C @ spread).T
-    gain = np.asarray(gain)
-    forward = _forward(plant, tracked, gain, scale, bandwidth_hz)
-    feedback = np.hstack([gain, rejection])
+    forward = _forward(plant, tracked, ahead, scale, bandwidth_hz)
     found = Regulator(
-        plant, A, B, C, feedback, correction, forward, tuple(tracked), float(bandwidth_hz)
+        plant,
+        *(A, B, C),
+        np.hstack([gain, rejection]),
+        correction,
+        np.hstack([ahead, np.zeros_like(rejection)]),
+        forward,
+        tuple(tracked),
+        float(bandwidth_hz),
     )
     # Written so that NaN is refused too.
     if not loop_radius(found, plant) < 1.0:
@@ -258,6 +269,15 @@ def loop_radius(found: Regulator, plant: control.StateSpace) -> float:
         ]
     )
     return float(np.max(np.abs(np.linalg.eigvals(closed))))
+
+
+def _gain(
+    plant: control.StateSpace, tracked: Sequence[int], at_hz: float, scale: FloatArray
+) -> FloatArray:
+    """Return the gain on the state with which the tracked outputs cross over at a frequency."""
+    cost = _even(plant.C.T @ _output_weight(plant, tracked, at_hz, scale) @ plant.C)
+    gain, *_ = control_library().dlqr(plant.A, plant.B, cost, np.diag(scale**-2.0))
+    return np.asarray(gain)
 
 
 def _forward(

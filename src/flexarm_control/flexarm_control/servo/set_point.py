@@ -109,7 +109,7 @@ def _ramp_efforts(
     settled = sum(windows) + int(min(_LONGEST, 5.0 / max(1.0 - slowest, 1e-9)))
     efforts = np.empty((found.plant.ninputs, tracked))
     free = Plan(np.full(tracked, np.inf), windows)
-    held = found.forward[0] - found.feedback[:, : found.plant.nstates] @ found.rest
+    held = found.forward[0] - found.planning[:, : found.plant.nstates] @ found.rest
     for column in range(tracked):
         ramp = np.outer(np.arange(1.0, settled + 1.0), np.eye(tracked)[column])
         plan = planned(free, ramp, np.zeros(tracked))

@@ -10,7 +10,7 @@ import numpy as np
 from flexarm_control.design.criteria import unit_step_figures
 from flexarm_control.servo.controller import Law, Memory, advance, new_memory
 from flexarm_control.servo.regulator import loop_plant
-from flexarm_control.servo.robustness import with_modes
+from flexarm_control.servo.robustness import vibrations, with_modes
 from flexarm_core.compilation import compiled
 from flexarm_ident.models.state_space import with_matrices
 from flexarm_ident.models.stick_slip import friction_force
@@ -115,15 +115,15 @@ def perturbed(twin: Twin, seed: int, spread: float) -> Twin:
     """Return a twin with other frequencies, dampings, gains and friction.
 
     Frequencies of vibrations lie within the spread, dampings within a factor of 2, gains of the
-    inputs within 1.25, friction within half of its level.
+    inputs within 1.25, friction within half of its level. Damped pairs stay: in an identified model
+    they cancel each other, and apart they would be another plant.
     """
     rng = np.random.default_rng(seed)
     factors = {}
-    for value in np.linalg.eigvals(twin.model.A).astype(complex).tolist():
-        if value.imag > 0.0:
-            speed = np.log(value)
-            damped = complex(speed.real * _DAMPING ** rng.uniform(-1.0, 1.0), speed.imag)
-            factors[value] = (1.0 + spread * rng.uniform(-1.0, 1.0)) * damped / speed
+    for value in vibrations(twin.model):
+        speed = np.log(value)
+        damped = complex(speed.real * _DAMPING ** rng.uniform(-1.0, 1.0), speed.imag)
+        factors[value] = (1.0 + spread * rng.uniform(-1.0, 1.0)) * damped / speed
     gains = _GAIN ** rng.uniform(-1.0, 1.0, twin.model.ninputs)
     changed = with_matrices(with_modes(twin.model, factors), B=twin.model.B * gains)
     levels = twin.levels * rng.uniform(2.0 - _FRICTION, _FRICTION, twin.model.ninputs)

@@ -8,24 +8,27 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import control
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from flexarm_control import load_controller
 from flexarm_control.servo.c_code import c_controller
 from flexarm_control.servo.controller import Servo
 from flexarm_control.servo.files import save_controller
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
-from flexarm_control.servo.twin import Twin, step_results, step_run
+from flexarm_control.servo.twin import Twin, perturbed, step_results, step_run
 from flexarm_core.errors import SettingError
 from flexarm_ident.friction.dry_friction import DryFriction
-from support.servo_plants import DT_S, bending_arm, two_joints
+from support.servo_plants import DT_S, bending_arm, measured_arm, two_joints
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_control.servo.controller import ServoGains
     from flexarm_control.servo.job import ServoDesign
+    from flexarm_core.arrays import FloatArray
 
 _MAIN = """
 #include <stdio.h>
@@ -45,6 +48,13 @@ int main(void)
     }
 }
 """
+
+
+PAIRS = ((2.0, 0.7), (2.2, 0.7), (5.0, 0.02))
+
+
+def _turn(value: complex) -> FloatArray:
+    return np.array([[value.real, value.imag], [-value.imag, value.real]])
 
 
 def _joints(limit: float = 1.0) -> ServoDesign:
@@ -76,6 +86,30 @@ def test_step___two_joints_with_friction___settle_without_overshoot(joints: Serv
         assert result.overshoot < 0.02
         assert abs(result.steady_error) < 0.01
         assert result.settling_s < 2.0
+
+
+def test_step___measured_arm_whose_joints_pull_at_each_other___goes_and_stays() -> None:
+    # Both hubs at once, in friction of more than half of what the second one moves with.
+    request = ServoRequest(("hub1_deg", "hub2_deg"), {}, bandwidth_hz=0.65)
+    design = design_servo([measured_arm()], request)
+
+    for result in design.results:
+        assert result.overshoot < 0.02
+        assert abs(result.steady_error) < 0.02
+    overshoots = [each.overshoot for results in design.other_results for each in results]
+    assert max(overshoots) < 0.05
+
+
+def test_perturbed___damped_pairs_that_cancel_each_other___stay() -> None:
+    # Two of 2 and 2.2 Hz, 70 % damped, and a vibration of 5 Hz.
+    speeds = [2.0 * np.pi * hz * complex(-zeta, np.sqrt(1.0 - zeta**2)) for hz, zeta in PAIRS]
+    A = block_diag(*[_turn(np.exp(speed * DT_S)) for speed in speeds])
+    model = control.StateSpace(A, np.ones((6, 1)), np.ones((1, 6)), 0.0, DT_S)
+
+    changed = perturbed(Twin(model, np.zeros(1), np.zeros((1, 6)), np.zeros(1)), 1, 0.2).model
+
+    np.testing.assert_allclose(changed.A[:4, :4], model.A[:4, :4], atol=1e-12)
+    assert np.abs(changed.A[4:, 4:] - model.A[4:, 4:]).max() > 1e-4
 
 
 def test_step___any_set_point___stays_within_the_limits(gains: ServoGains) -> None:
@@ -255,6 +289,7 @@ def test_step___twenty_states___takes_less_than_twenty_microseconds(gains: Servo
         C=rng.normal(size=(2, order)),
         feedback=rng.normal(size=(2, order)),
         correction=1e-3 * rng.normal(size=(order, 2)),
+        planning=rng.normal(size=(2, order)),
         rest=np.zeros((order, 2)),
         speed=rng.normal(size=(2, order)),
     )

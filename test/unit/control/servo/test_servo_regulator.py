@@ -131,13 +131,15 @@ def test_controller___wrong_gain_and_a_bias___comes_to_rest_on_the_set_point() -
     plant = loop_plant(bending_arm())
     found = design_regulator(plant, (0,), 2.0)
     law, goal, bias = found.controller, 0.7, np.array([0.0, 0.05])
+    at_rest = np.append(found.rest[:, 0], np.zeros(len(found.A) - plant.nstates))
+    planned = found.forward[0][:, 0] + (found.feedback - found.planning) @ at_rest
     x, z = np.zeros(plant.nstates), np.zeros(law.nstates)
     y = np.zeros(2)
     for _ in range(20_000):
         y = plant.C @ x
         # The filter moves with the whole command: the set-point enters behind its prediction.
-        u = law.C @ z + law.D @ (y + bias) + found.forward[0][:, 0] * goal
-        z = law.A @ z + law.B @ (y + bias) + found.B @ found.forward[0][:, 0] * goal
+        u = law.C @ z + law.D @ (y + bias) + planned * goal
+        z = law.A @ z + law.B @ (y + bias) + found.B @ planned * goal
         x = plant.A @ x + 0.7 * plant.B @ (u + 0.3)
 
     assert y[0] == pytest.approx(goal, abs=1e-6)
