@@ -248,7 +248,7 @@ def _fits(found: Sequence[Compared], trials: _Trials) -> Iterator[Block]:
     yield Words(
         "Each model is driven by the measured input of each record and nothing else; the initial "
         "state is fitted. The fit is 100 % of a perfect model and 0 % of the mean. A model that is "
-        "much better on its own record than on the others has learnt that record, or the arm has "
+        "much better on its own record than on the others is overfitted, or the arm has "
         "changed. A dash stands where channels or period differ."
     )
 
@@ -326,7 +326,8 @@ def _matches(found: Sequence[Compared], trials: _Trials) -> Iterator[Block]:
         }
         shown = dict(list(curves.items())[: COMPARED - 1])
         near = near_rows(record)
-        yield Words(f"{name}, the liveliest {(near.stop - near.start) * record.dt_s:.3g} s of it.")
+        seconds = (near.stop - near.start) * record.dt_s
+        yield Words(f"Record {name}, the {seconds:.3g} s with the largest changes.")
         yield Plots(
             tuple(
                 (

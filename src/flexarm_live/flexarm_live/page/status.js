@@ -24,12 +24,12 @@ export function showLoop(state, lost) {
   const percentiles = (times) =>
     times ? `${figure(times.p50, 2)} / ${figure(times.p99, 2)} / ${figure(times.max, 2)} ms` : "–";
   const figures = {
-    "Late, p50 / p99 / max": percentiles(state.late_ms),
-    "Reply, p50 / p99 / max": percentiles(state.reply_ms),
-    "Factor of real time": figure(state.factor, 2),
-    Missed: figure(state.missed, 0),
-    Unanswered: figure(state.unanswered, 0),
-    "Lost on the way here": `${lost}`,
+    "Lateness, p50 / p99 / max": percentiles(state.late_ms),
+    "Reply time, p50 / p99 / max": percentiles(state.reply_ms),
+    "Real-time factor": figure(state.factor, 2),
+    "Samples missed": figure(state.missed, 0),
+    "Samples unanswered": figure(state.unanswered, 0),
+    "Samples lost by this page": `${lost}`,
   };
   byId("loop").replaceChildren(
     ...Object.entries(figures).map(([name, value]) =>
