@@ -44,6 +44,7 @@ REPLACED = {
     r"\bmend(s|ed)?\b": "fix the data",
     r"\bcalm\b": "settled",
     r"\bbears?\b": "",
+    r"\btells\b(?! them to\b|.* (apart|from)\b)": "",
     # No term, but the order of words in English: "is not a number".
     r"(?<!there\s)\b(is|are) no (?!longer|better|larger|farther|more|such)\w|\bholds no\b": "",
 }

@@ -178,7 +178,7 @@ def _summary(stream: BinaryIO) -> list[McapRecord]:
         return summary_of(stream)
     except BoundError as error:
         raise BoundError(f"{Path(stream.name).name}: {error}") from error
-    except Exception:  # noqa: BLE001 - what is wrong with it is told by who reads it
+    except Exception:  # noqa: BLE001 - who reads it reports what is wrong with it
         return []
 
 
@@ -224,7 +224,7 @@ def _require_few_records(label: str, packed: bytes, sizes: ChunkSizes) -> None:
         chunk_records(unpacked(packed, sizes.compression, sizes.unpacked))
     except TooManyError as error:
         raise BoundError(f"{label}: {error}") from error
-    except Exception:  # noqa: BLE001 - damage is told by who reads it
+    except Exception:  # noqa: BLE001 - who reads it reports damage
         return
 
 

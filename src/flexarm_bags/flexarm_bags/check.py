@@ -206,7 +206,7 @@ class _Check:
             said = yaml_content(text or "")
         if said == information:
             return
-        # A file that others follow tells of itself and of those before it.
+        # A file that others follow describes itself and those before it.
         names = [PurePath(name).name for name in information["relative_file_paths"]]
         number = 1 + names.index(examination.file.name) if examination.file.name in names else 0
         entries: Any = information.get("files")

@@ -251,7 +251,7 @@ class StatedContent(NamedTuple):
 
 
 def stated_content(bag: Path) -> StatedContent:
-    """Return number, extent and topics of a folder's messages; BagError when they are not told."""
+    """Return number, extent and topics of a folder's messages; BagError when they are not given."""
     information = read_information(bag)
     try:
         return StatedContent(

@@ -295,7 +295,7 @@ class _FileRepair:
                 yield from self._begun(data, at)
             except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
                 self._note(_cause(error))
-            # Only a name in front of the compressed bytes tells where the next chunk may begin.
+            # Only a name in front of the compressed bytes says where the next chunk may begin.
             at = data.find(_COMPRESSION, at + _COMPRESSION_AT + 1) - _COMPRESSION_AT
 
     def _begun(self, data: mmap, at: int) -> list[McapRecord]:

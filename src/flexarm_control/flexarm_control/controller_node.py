@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 _TELL_AGAIN_NS = 1_000_000_000
 # Shortest time between two estimates of the payload.
 _PAYLOAD_NS = 100_000_000
-# A stream of set-points that are refused is told so often.
+# A stream of set-points that are refused is reported so often.
 _REFUSED_S = 5.0
 _NOT_ACTIVE = "the controller is not active, activate controller"
 _NOT_DRIVING = "no command drives the arm: flexarm status says what holds it"

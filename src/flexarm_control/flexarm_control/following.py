@@ -27,7 +27,7 @@ class Tolerances(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What a sample has told: its stamp, ns, what is wanted, and where the joints are.
+    """What a sample has shown: its stamp, ns, what is wanted, and where the joints are.
 
     Velocities that are not measured are not numbers.
     """

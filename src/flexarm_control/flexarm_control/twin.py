@@ -319,7 +319,7 @@ def _angles(model: control.StateSpace, ranges: Sequence[tuple[float, float]]) ->
 
 
 def _widths(facts: Mapping[str, object], role: str, count: int) -> list[tuple[float, float]]:
-    """Return the ends of the signals in the record; one both ways where the model tells none."""
+    """Return the ends of the signals in the record; one both ways where the model has none."""
     ends = []
     for name, usual in (("low", -1.0), ("high", 1.0)):
         values: Any = facts.get(f"{role}_{name}")

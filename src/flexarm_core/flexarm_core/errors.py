@@ -34,7 +34,7 @@ class BagError(IdentificationError):
 def one_line(error: BaseException) -> str:
     """Return the text of any error in one line, cut when long; its kind where it has no text.
 
-    An error of the operating system is told as ``FILE: No such file or directory``.
+    An error of the operating system is reported as ``FILE: No such file or directory``.
     """
     said = str(error)
     if isinstance(error, OSError) and error.strerror:

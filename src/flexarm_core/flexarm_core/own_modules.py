@@ -1,4 +1,4 @@
-"""Python files of the user's own, loaded as modules, and what is told where they fail."""
+"""Python files of the user's own, loaded as modules, and what is reported where they fail."""
 
 from __future__ import annotations
 

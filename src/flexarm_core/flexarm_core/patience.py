@@ -17,8 +17,8 @@ _LOAD = Path("/proc/loadavg")
 def slowness() -> float:
     """Return how many times longer work takes than on an idle machine, at least 1.
 
-    It is the number of runnable threads per core of now, where the system tells it, and of the last
-    minute elsewhere.
+    It is the number of runnable threads per core of now, where the system reports it, and of the
+    last minute elsewhere.
     """
     try:
         runnable = float(_LOAD.read_text("ascii").split()[3].partition("/")[0])

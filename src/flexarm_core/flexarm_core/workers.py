@@ -136,7 +136,7 @@ def _leave_interrupts() -> None:
 
 
 def _guarded(number: int, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Computed:
-    """Call a function in a worker; the number tells the caller which call it was."""
+    """Call a function in a worker; the number identifies the call."""
     try:
         return number, function(*arguments), ""
     except Exception as error:  # noqa: BLE001 - the caller reports it

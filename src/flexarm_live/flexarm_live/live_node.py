@@ -108,7 +108,7 @@ class LiveNode(Node):
         return Server(self._bridge, web, page, terminal)
 
     def _hand_on_samples(self) -> None:
-        """Hand every sample on, so many at once that a page is told 60 times a second.
+        """Hand every sample on, so many at once that a page hears 60 times a second.
 
         The loop comes before that. A stop does not wait: its threads have the usual priority.
         """

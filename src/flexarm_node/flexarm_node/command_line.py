@@ -42,7 +42,7 @@ def refuse_words(words: Sequence[str]) -> None:
     Raises
     ------
     SettingError
-        When there are any; it tells what to write instead.
+        When there are any; it says what to write instead.
     """
     if not words:
         return

@@ -147,7 +147,7 @@ class Parameters:
                 self._node.declare_parameter(name, given.value, _ANY_TYPE)
 
     def _overrides(self) -> dict[str, Parameter]:
-        given: dict[str, Parameter] = self._node._parameter_overrides  # noqa: SLF001 - rclpy tells it in no other way
+        given: dict[str, Parameter] = self._node._parameter_overrides  # noqa: SLF001 - rclpy gives it in no other way
         return given
 
     def _restore_words(self) -> None:

@@ -42,7 +42,7 @@ CALLS = _reliable(1000)
 """For a service or an action with long work: calls that come at once are all answered."""
 
 STATUS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
-"""For what a latecomer must still be told: channel names, the reference in force."""
+"""For what a latecomer must still get: channel names, the reference in force."""
 
 STATUS_SENT = _reliable(1000, DurabilityPolicy.TRANSIENT_LOCAL)
 """Such a topic as published when each change counts: a lost message is repeated, also when the next

@@ -269,7 +269,7 @@ def unpacked_beginning(packed: bytes, compression: str, size: int) -> bytes:
 
 
 def fingerprint(chunk: records.Chunk) -> tuple[int, ...]:
-    """Return what tells a chunk from any other: times and sizes of its messages, and its bytes."""
+    """Return what distinguishes a chunk: times and sizes of its messages, and its bytes."""
     times_ns = (chunk.message_start_time, chunk.message_end_time)
     return (*times_ns, chunk.uncompressed_size, len(chunk.data), crc32(chunk.data))
 

@@ -1,7 +1,7 @@
 """First word of a verb: nobody waits longer than a second for a sign of life.
 
 A busy machine takes seconds to load the libraries of a verb. Until the verb itself has said
-something, one line on the standard error tells that it is at work. Nothing heavy is imported here.
+something, one line on the standard error says that it is at work. Nothing heavy is imported here.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ class LazyVerbGroup(VerbGroup):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Import the verb that is called; a misspelt one is told with the nearest.
+        """Import the verb that is called; a misspelt one is refused with the nearest.
 
         A line that is being completed needs no import: `shell_complete` gets its words.
         """

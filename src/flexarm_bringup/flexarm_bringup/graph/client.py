@@ -39,12 +39,12 @@ _SERVICE_POLL_S = 0.02
 
 
 class Waiting:
-    """Wait for another process, which the user is told of when it takes long.
+    """Wait for another process, and say so to the user when it takes long.
 
     Parameters
     ----------
     what : str
-        What is waited for; empty for what nobody is told.
+        What is waited for; empty to say nothing.
     longest_s : float
         Patience on an idle machine, s.
     """

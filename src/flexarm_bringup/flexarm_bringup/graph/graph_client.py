@@ -54,7 +54,7 @@ class GraphClient:
         return str(self._operator.call(Trigger, _STOP, Trigger.Request()).message)
 
     def page(self) -> str:
-        """Return nothing: a page tells its address on its socket."""
+        """Return nothing: a page gives its address on its socket."""
         return ""
 
     def reports(self) -> Mapping[str, tuple[str, Mapping[str, str]]]:

@@ -45,7 +45,7 @@ LABORATORY = ("recorder", "ident", "controller", "daq")
 """The nodes of a running laboratory, in the order in which they start."""
 
 
-# What is changed in a run is in its record: `law` tells the law, this the payload and the limits.
+# What is changed in a run is in its record: `law` has the law, this the payload and the limits.
 _OF_ANY = ["commander", "law", "rig_description", "/parameter_events"]
 
 

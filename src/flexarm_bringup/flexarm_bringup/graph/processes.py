@@ -150,7 +150,7 @@ class NodeProcesses:
 
     def let_in(self) -> None:
         """Let the nodes join the graph."""
-        # Where none lives any more, the next check tells why.
+        # Where none lives any more, the next check says why.
         with suppress(BrokenPipeError):
             os.write(self._gate, b"+" * len(self._processes))
 

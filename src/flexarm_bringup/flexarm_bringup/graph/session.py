@@ -65,7 +65,7 @@ def interruptible() -> Iterator[None]:
     """Leave the block by a KeyboardInterrupt at SIGINT, SIGTERM or the end of the terminal.
 
     A binding in C++ that calls Python may report one as an error of its own, such as "Unable to
-    convert call argument". The failure of a node, a `LaunchError`, is told all the same.
+    convert call argument". The failure of a node, a `LaunchError`, is reported all the same.
     """
     # `nohup` has it ignored.
     hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN

@@ -41,7 +41,7 @@ class Piece(NamedTuple):
 
 
 class Units:
-    """Units of the channels, as the server tells them.
+    """Units of the channels, as the server gives them.
 
     Parameters
     ----------

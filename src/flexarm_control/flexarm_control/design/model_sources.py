@@ -74,7 +74,7 @@ def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
 
 
 def friction_levels_v(names: Sequence[str]) -> dict[str, float]:
-    """Return the friction that `identify` found, V, for each model file that tells it.
+    """Return the friction that `identify` found, V, for each model file that has it.
 
     Parameters
     ----------

@@ -174,7 +174,7 @@ def tune(
 
 
 def _with_level(result: TuneResult, law: str, friction_v: Mapping[str, float]) -> TuneResult:
-    """Return a result with the level of the laws' compensation, where a model tells it."""
+    """Return a result with the level of the laws' compensation, where a model has it."""
     model = min(friction_v, key=lambda name: friction_v[name], default="")
     if not model or not 0.0 < friction_v[model] <= _MOST_V:
         return replace(result, notes=(*result.notes, compensated(law)))

@@ -9,7 +9,7 @@ three are faults, and zero is the command that adds no energy. The outputs are t
 every input.
 
 Every law limits its command to the range of the drive (`limited`). The gate of the DAQ node may cut
-more: a law whose memory follows from its commands is told what was sent (`HearingLaw`).
+more: a law whose memory follows from its commands gets what was sent (`HearingLaw`).
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def winds_up(error_v: float, cut_v: float, last_cut_v: float) -> bool:
 
 
 class DriveCommand(NamedTuple):
-    """Command that was in force while a sample was taken, as `ArmState` tells it.
+    """Command that was in force while a sample was taken, as `ArmState` has it.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ class Handover:
     sample to sample the command changes at most by the change of the law's own answer plus
     `FADE_V`.
 
-    Each sample tells the command in force while it was taken. When that is not what was answered, a
+    Each sample has the command in force while it was taken. When that is not what was answered, a
     limit has cut it, it came too late or was lost, somebody else commands, or nobody does. The law
     hears the difference (`HearingLaw`).
 

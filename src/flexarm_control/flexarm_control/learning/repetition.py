@@ -209,7 +209,7 @@ def learned(
     Returns
     -------
     list of Repetition
-        All runs in their order; `best` tells which one to keep.
+        All runs in their order; `best` says which one to keep.
     """
     done: list[Repetition] = []
     played = first

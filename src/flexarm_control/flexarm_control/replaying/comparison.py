@@ -80,7 +80,8 @@ class Replay:
     ----------
     samples, commands, compared : int
         Samples and commands in the record, and commands that could be compared. The others come
-        before the first law that was told, or after a sample or command that is not in the record.
+        before the first law that was published, or after a sample or command that is not in the
+        record.
     laws : tuple of str
         Laws in the order of their first use.
     changes : tuple of Change
@@ -237,7 +238,7 @@ def _answers(record: LoopRecord) -> tuple[FloatArray, list[tuple[int, str]]]:
 
 
 def _law_of(told: LawRecord, same: _Law | _RigLaw | None) -> _Law | _RigLaw:
-    """Return the law that was told; the setup of one with the same parameters is built already."""
+    """Return the published law; the setup of one with the same parameters is built already."""
     if RIG not in told.parameters:
         setup = same.setup if isinstance(same, _Law) else Setup.of(told.parameters)
         return _Law(told, setup)
@@ -246,7 +247,7 @@ def _law_of(told: LawRecord, same: _Law | _RigLaw | None) -> _Law | _RigLaw:
 
 
 def _changes(before: LawRecord, after: LawRecord) -> Iterator[str]:
-    """Yield the parameters of both that differ; those of another law are told by its name."""
+    """Yield the parameters of both that differ; another law is named instead."""
     for name, value in after.parameters.items():
         old = before.parameters.get(name, value)
         if old != value:

@@ -68,7 +68,7 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class LawRecord:
-    """Law and reference before one answer, as a controller tells them.
+    """Law and reference before one answer, as a controller publishes them.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class LoopRecord:
     answers : ndarray, (commands, 2 inputs)
         Feedback efforts u_e and compensations u_c.
     laws : tuple of LawRecord
-        Laws as they were told.
+        Laws as they were published.
     """
 
     sequence: Integers

@@ -39,7 +39,7 @@ _FEWEST_PERIODS = 3
 
 
 class RigidMotion(NamedTuple):
-    """Model with rigid motion and friction, and how well it tells moves.
+    """Model with rigid motion and friction, and how well it predicts moves.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ def rigid_motion(
     -------
     RigidMotion or None
         None when there are fewer joints than inputs, the record shows no vibration, it does not
-        move enough, or the identified model tells the joints' moves better.
+        move enough, or the identified model predicts the joints' moves better.
     """
     slowest = 2.0 * np.pi * _FEWEST_PERIODS / len(record.u)
     shown = [value for value in vibrations(model) if abs(np.log(value)) > slowest]

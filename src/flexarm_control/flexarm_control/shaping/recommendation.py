@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
 ACCELERATION_MM_S2 = 5000.0
-"""Acceleration at which the smoothing is told."""
+"""Acceleration at which the smoothing is stated."""
 CORNER_MM_S = 5.0
 """Speed at which a corner is passed."""
 LARGEST_SMOOTHING_MM = 0.12

@@ -67,7 +67,7 @@ class ScaledRig:
 
     def _unwrapped(self, values: np.ndarray) -> np.ndarray:
         turned = np.rint((values - self._last) / self._wraps)
-        # A reading that is not a number tells no turn, and takes none of those before.
+        # A reading that is not a number shows no turn, and takes none of those before.
         self._turns -= np.where(np.isfinite(turned), turned, 0.0)
         self._last = np.where(np.isfinite(values), values, self._last)
         return np.asarray(values + self._wraps * self._turns)

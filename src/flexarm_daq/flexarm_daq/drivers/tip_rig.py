@@ -34,7 +34,7 @@ class TipSettings:
     noise : tuple of float
         Standard deviation of the noise of each output, in the units of the sensor.
     delay_s : tuple of float
-        Age of what each output tells, s: a camera's exposure and computation.
+        Age of what each output reads, s: a camera's exposure and computation.
     frame_hz : tuple of float
         Frames a second of each output, which is held between them; 0 for each sample anew.
     seed : int
@@ -73,8 +73,8 @@ class TipSettings:
 class TipRig:
     """A `flexarm_daq.rigs.rig_protocol.Rig`: the simulated arm with other sensors.
 
-    The accelerometer tells the mean since the last sample, which a filter at half the sampling rate
-    leaves of it.
+    The accelerometer measures the mean since the last sample, which a filter at half the sampling
+    rate leaves of it.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class JointValues(NamedTuple):
-    """Values of all joints in SI units; NaN for what no sensor tells."""
+    """Values of all joints in SI units; NaN for what no sensor measures."""
 
     position: list[float]
     velocity: list[float]

@@ -20,7 +20,7 @@ class Timed(NamedTuple):
 class LastMessages:
     """Messages of the last seconds, counted back from the newest one.
 
-    A latched topic tells what is in force: its last message stays when it gets too old, and has the
+    A latched topic holds what is in force: its last message stays when it gets too old, and has the
     time of the oldest other message then.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Readings that an output tells late or in frames, as a camera does."""
+"""Readings that an output gives late or in frames, as a camera does."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _ROUNDING = 1e-9
 
 
 class LateReadings:
-    """Readings of a rig's outputs, each told when it is old enough.
+    """Readings of a rig's outputs, each given when it is old enough.
 
     Parameters
     ----------
     delay_s : sequence of float
-        Age of what each output tells, s: a camera's exposure and computation.
+        Age of what each output reads, s: a camera's exposure and computation.
     frame_hz : sequence of float
         Frames a second of each output, which is held between them; 0 for each sample anew.
     """
@@ -35,7 +35,7 @@ class LateReadings:
         self._taken: deque[tuple[float, FloatArray]] = deque()
 
     def __call__(self, now_s: float, outputs: FloatArray) -> FloatArray:
-        """Take the outputs of an instant, and return what each of them tells now."""
+        """Take the outputs of an instant, and return what each of them reads now."""
         self._taken.append((now_s, outputs))
         due_s, frame_hz = now_s - self._delay_s, self._frame_hz[self._framed]
         due_s[self._framed] = np.floor(due_s[self._framed] * frame_hz + _ROUNDING) / frame_hz

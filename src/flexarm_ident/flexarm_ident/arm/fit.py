@@ -106,7 +106,7 @@ class ArmFit:
     def has_friction(self) -> bool:
         """Whether the records show the friction.
 
-        A level stands out of its deviation. What the friction depends on was told by halves left
+        A level stands out of its deviation. What the friction depends on was decided by halves left
         out, but trades with the level, whose own deviation is then large.
         """
         levels, deviations = self.friction.levels, self.friction.level_deviations

@@ -78,7 +78,7 @@ def profile_levels(
 def law_figures(laws: FloatArray) -> FloatArray:
     """Return laws, (inputs, 4), and what holds at standstill: Coulomb level and rise together.
 
-    The two trade with each other, so that a record tells their sum better than either.
+    The two trade with each other, so that a record determines their sum better than either.
     """
     return np.column_stack([laws, laws[:, 0] + laws[:, 1]])
 

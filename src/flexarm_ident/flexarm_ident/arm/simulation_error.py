@@ -39,7 +39,7 @@ class SimulationError:
     """Sum of squared relative errors of the free simulations, and of the offsets' prior.
 
     The arm's parameters are followed by the initial coordinates and speeds of each record: a record
-    may begin anywhere. Where a gauge is dead at the beginning, nothing tells the first deflection,
+    may begin anywhere. Where a gauge is dead at the beginning, nothing shows the first deflection,
     which stays what it was at the start of a search.
 
     Attributes
@@ -159,7 +159,7 @@ class SimulationError:
         return part.u - self.arm.offsets(theta), part.sizes, self.initial_state(theta, record)
 
     def untold(self, part: Part) -> BoolArray:
-        """Return which first coordinates and speeds nothing tells, (motions,)."""
+        """Return which first coordinates and speeds nothing determines, (motions,)."""
         driven = np.zeros(self.arm.inputs, dtype=np.bool_)
         dead = part.weight[0, list(self.arm.elastic)] == 0.0
         return np.concatenate([driven, dead, driven, dead])

@@ -245,7 +245,7 @@ def _strongest(matrices: FloatArray, known: list[int], told: list[int]) -> _Chan
 def _evidence(
     matrices: FloatArray, known: list[int], told: list[int], sides: BoolArray
 ) -> tuple[float, float]:
-    """Return the loss across two sides, of the row that tells most, and its chance."""
+    """Return the loss across two sides, of the row that shows most, and its chance."""
     loss = _losses(matrices, known, told, sides)
     # The models of the two sides lose differently: each side has its own mean.
     parts = loss[sides], loss[~sides]

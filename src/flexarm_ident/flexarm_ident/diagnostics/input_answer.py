@@ -53,8 +53,8 @@ _LEAK = 4.0
 # as that of four integrators in a row, would show before it passes the limit of chance.
 _GRADUAL = 8
 _DEVIATIONS = 3.0
-# The input of the same row tells so much of an output's power, and the past of both no more than
-# chance, or so little: a slow output under a slow input looks alike, but its own past tells it.
+# The input of the same row explains so much of an output's power, and the past of both no more than
+# chance, or so little: a slow output under a slow input looks alike, but its own past explains it.
 _TOLD_AT_ONCE = 0.5
 _TOLD_LATER = 1e-4
 # An answer is denied only where it would hardly be missed: a twentieth of the power shows in 99 of
@@ -98,7 +98,7 @@ def answer_defects(record: IoData) -> Iterator[DataWarning]:
 
 
 def static_outputs(record: IoData) -> dict[str, float]:
-    """Return the outputs that are told by the inputs of the same row alone, with that share.
+    """Return the outputs that the inputs of the same row alone explain, with that share.
 
     A record that is known to be made in closed loop has none: there, the inputs follow the outputs.
     """
@@ -110,7 +110,7 @@ def static_outputs(record: IoData) -> dict[str, float]:
         return {}
     now, past = u[MEMORY:], np.hstack([shifted(u, 0), shifted(y, 1)])
     at_once, later = _left(now, y[MEMORY:]), _left(past, y[MEMORY:])
-    # An input that seldom changes shows no dynamics: the changes have to be told as well.
+    # An input that seldom changes shows no dynamics: the changes have to be explained as well.
     told = np.maximum(at_once, _left(np.diff(u, axis=0), np.diff(y, axis=0)))
     is_told = told < 1.0 - _TOLD_AT_ONCE
     chance = scipy.special.chdtri(past.shape[1], _ANSWER_CHANCE) / len(past)
@@ -230,7 +230,7 @@ def _is_correlated(e: FloatArray, fresh: FloatArray) -> bool:
 
 
 def _slowly_told(u: FloatArray, y: FloatArray) -> float:
-    """Return the share of an output's power that a regression on the smoothed inputs tells."""
+    """Return the share of an output's power that a regression on the smoothed inputs explains."""
     smooth = [scipy.signal.lfilter([1.0], [1.0, -a], centred(u), axis=0) for a in _SMOOTHING]
     signal = centred(y[:, np.newaxis])
     return 1.0 - float(np.mean(remainder(centred(np.hstack(smooth)), signal) ** 2))

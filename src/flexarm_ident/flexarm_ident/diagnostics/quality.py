@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
 
-# Figure of the notices of changes that a bag of our own rig tells, see `reading.told_changes`.
+# Figure of the notices of changes that a bag of our own rig reports, see `reading.told_changes`.
 _AT = "at_s"
 
 
@@ -76,7 +76,7 @@ def assess(
     for name, parts in data.wholes:
         here = list(_told(parts))
         told += [replace(each, record=name) for each in here]
-        # What a bag tells of a change is exact, and what the signals show of it is not.
+        # What a bag reports of a change is exact, and what the signals show of it is not.
         inexact |= {
             (data.names[part.label], each.code, each.grade) for part in parts for each in here
         }
@@ -85,7 +85,7 @@ def assess(
 
 
 def _told(parts: Sequence[IoData]) -> Iterator[DataWarning]:
-    """Yield the changes that a bag tells within the parts of a record, or in a hole between them.
+    """Yield the changes that a bag reports within the parts of a record, or in a hole between them.
 
     The notices are those of the whole record, of which this may be a span.
     """

@@ -131,7 +131,7 @@ def _estimates(
     power = products.diagonal(axis1=1, axis2=2).real
     drive, power = power[:, :inputs], power[:, inputs:]
     heard = drive > _HEARD * drive.max(axis=0)
-    # An input without power at a frequency tells nothing there.
+    # An input without power at a frequency shows nothing there.
     scale = np.divide(1.0, np.sqrt(drive), out=np.zeros_like(drive), where=heard)
     unit = products[:, :inputs, :inputs] * scale[:, :, np.newaxis] * scale[:, np.newaxis]
     inverse = np.linalg.pinv(unit, rcond=_DEPENDENT, hermitian=True)

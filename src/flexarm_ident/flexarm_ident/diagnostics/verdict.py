@@ -2,7 +2,7 @@
 
 A control engineer rests on two figures. The first is the fit of a simulation, on data that the
 model has not seen if there are any: 100 % is a perfect model, 0 % is the mean. The second is the
-part of the residual power that is coherent with the inputs. It tells unmodelled dynamics, which
+part of the residual power that is coherent with the inputs. It shows unmodelled dynamics, which
 another model can have, from noise and friction, which no linear model of these inputs can.
 """
 

@@ -2,7 +2,7 @@
 
 Where the unknown forces have a smooth spectrum, the covariances of the outputs decay as the free
 vibrations do, so the range space of the future outputs that past ones explain gives A and C as with
-inputs (2-21). Such a record tells frequencies, damping ratios and the shapes at the sensors. It
+inputs (2-21). Such a record has frequencies, damping ratios and the shapes at the sensors. It
 cannot tell a gain, and no shape's scale.
 Van Overschee, De Moor, "Subspace Identification for Linear Systems", chapter 3 (1996); Peeters, De
 Roeck, "Stochastic system identification for operational modal analysis: a review", Journal of
@@ -42,7 +42,7 @@ BLOCK_ROWS = 30
 # Parts of half the rate between which a look shows modes: the filter before it falls off above.
 _SLOWEST, _SHOWN = 0.05, 0.8
 _SLOWER = 4
-# A look at fewer samples for each of the block rows tells little.
+# A look at fewer samples for each of the block rows shows little.
 _SAMPLES_PER_ROW = 10
 # Periods in a record, below which a vibration is not told from a drift.
 _FEWEST_PERIODS = 10.0

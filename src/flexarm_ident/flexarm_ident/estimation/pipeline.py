@@ -160,7 +160,7 @@ class _Fit(NamedTuple):
     def model(self, *, feedthrough: bool) -> tuple[Choice, Identification]:
         """Return the choice of what was left open, and its model.
 
-        Where the likelihood tells that nothing is left in the data but noise, no other estimator
+        Where the likelihood shows that nothing is left in the data but noise, no other estimator
         is weighed.
         """
         first = self._first_choice(feedthrough=feedthrough)

@@ -84,7 +84,7 @@ def with_friction(
 
     Else an arm is tried, and the test has three parts. The data have the channels of a flexible arm
     (`arm_layout`) and no recorded compensation. A Coulomb level exceeds its own scatter
-    (`estimate_coulomb`), or the likelihood has been tried and tells that a linear model misses more
+    (`estimate_coulomb`), or the likelihood has been tried and shows that a linear model misses more
     than noise. An arm fitted with friction shows it (`ArmFit.has_friction`) and simulates the
     records with a smaller sum of squared relative errors than the subspace model. Where a linear
     model passes for missing nothing but noise, only a significant level, or errors that recur with

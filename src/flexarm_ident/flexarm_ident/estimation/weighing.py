@@ -287,7 +287,7 @@ class Weighed:
         return error
 
     def _refused(self, admitted: Sequence[Candidate]) -> str:
-        """Return what is told of better models that miss left-out blocks."""
+        """Return what is reported of better models that miss left-out blocks."""
         best = self._best
         if best in admitted:
             return ""

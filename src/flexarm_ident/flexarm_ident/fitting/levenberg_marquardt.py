@@ -104,7 +104,7 @@ def minimise(
 
 
 def steps_told(progress: Progress | None, stage: str, steps: int) -> Callable[[], None]:
-    """Return a callback for each step of a search, which tells the part of `steps` that is done."""
+    """Return a callback for each step of a search; it reports the part of `steps` done."""
     done = count()
 
     def tell() -> None:

@@ -60,7 +60,7 @@ class GuidedError(ModalParameters):
     levels : ndarray, (inputs,)
         Levels of the start, in units of the inputs.
     drives : sequence of Drive
-        An output that tells the speed of the joint of each input.
+        An output that measures the speed of the joint of each input.
 
     Attributes
     ----------

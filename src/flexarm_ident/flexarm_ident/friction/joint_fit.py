@@ -110,7 +110,7 @@ def fit_joints(
     record : IoData
         Record without holes.
     drives : sequence of Drive
-        An output that tells the speed of the joint of each input.
+        An output that measures the speed of the joint of each input.
     levels : ndarray, (inputs,)
         Levels to start from.
     progress : callable, optional

@@ -29,7 +29,7 @@ _SLOW = 0.5
 # Correlation of an input with the speed of its position, at least.
 _WORK = 0.1
 # An output that follows a position's speed as closely as this is a speed sensor, and one that
-# follows the position tells the same motion.
+# follows the position shows the same motion.
 _SAME = 0.8
 SMOOTHING = 3.0
 """Cut-off before signals are differentiated, as a multiple of the outputs' bandwidth."""
@@ -92,7 +92,7 @@ def arm_layout(records: Sequence[IoData]) -> ArmLayout | None:
 
 
 def joints(records: Sequence[IoData]) -> tuple[Drive, ...] | None:
-    """Return the output that tells each input's joint, the slowest that its input works on.
+    """Return the output that measures each input's joint, the slowest that its input works on.
 
     It need not be slower than the others, as in `arm_layout`: gyroscopes and accelerometers may be
     among them, and joints of different pace. Of several outputs that tell one motion, as hub and
@@ -145,7 +145,7 @@ def _assigned(records: Sequence[IoData]) -> tuple[ArmLayout, bool] | None:
 def _collocated(by_pace: NDArray[np.intp], work: FloatArray, y: FloatArray) -> NDArray[np.intp]:
     """Return the outputs with those in front that the inputs work on, of several for one motion.
 
-    The tip of an arm moves as its hub does, and where friction acts is told by the hub alone.
+    The tip of an arm moves as its hub does, and the hub alone shows where friction acts.
     """
     count, order, most = len(work), by_pace.copy(), work.max(axis=0)
     together = np.abs(_correlation(y, y)) >= _SAME

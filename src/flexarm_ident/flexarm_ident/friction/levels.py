@@ -132,7 +132,7 @@ def estimate_coulomb(data: IoData | Sequence[IoData], drives: Sequence[Drive]) -
 
 
 def net_record(record: IoData, estimate: CoulombEstimate) -> IoData:
-    """Return a record whose inputs lack the friction of an estimate, as far as motion tells it.
+    """Return a record whose inputs lack the friction of an estimate, as far as motion shows it.
 
     It is the level against the direction of motion, and a part of it where a drive does not slip.
     """

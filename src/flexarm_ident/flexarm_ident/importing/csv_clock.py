@@ -115,7 +115,7 @@ def in_seconds(
     cell : str
         Time of the first row as it stands in the file.
     unit_s : float or None
-        Unit that something tells; None: ticks since 1970 tell theirs.
+        Unit that something gives; None: ticks since 1970 give theirs.
     has_nanoseconds : bool
         The second column has the nanoseconds of the time.
     """

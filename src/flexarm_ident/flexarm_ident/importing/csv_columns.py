@@ -52,7 +52,7 @@ class TableColumns:
         Columns, each as ``COLUMN`` or ``NAME=COLUMN``; the unit in brackets at the end of a
         column's name may be left out.
     times : tuple of str
-        What tells the time, ``COLUMN``, ``COLUMN:us`` or ``200Hz``; empty for the usual names.
+        What gives the time, ``COLUMN``, ``COLUMN:us`` or ``200Hz``; empty for the usual names.
     output_only : bool
         There is no input; without outputs, all columns are but the time.
     """
@@ -128,7 +128,7 @@ def guessed_columns(
 
 
 def _told_time(times: Sequence[str], names: Sequence[str]) -> tuple[str, str, float | None]:
-    """Return the column and its unit, each empty where none is told, and the rate."""
+    """Return the column and its unit, each empty where none is given, and the rate."""
     column, unit, rate_hz = "", "", None
     for text in times:
         if text not in names and (found := _RATE.fullmatch(text)):
@@ -210,7 +210,7 @@ def other_clocks(path: Path, mapping: CsvMap, layout: Layout) -> tuple[str, ...]
 
 
 def with_units(mapping: CsvMap, layout: Layout) -> CsvMap:
-    """Return a map with the units that the file tells of channels which have none."""
+    """Return a map with the units that the file gives for channels which have none."""
 
     def told(channels: tuple[CsvChannel, ...]) -> tuple[CsvChannel, ...]:
         return tuple(
@@ -221,7 +221,7 @@ def with_units(mapping: CsvMap, layout: Layout) -> CsvMap:
 
 
 def file_unit(column: str, layout: Layout) -> str:
-    """Return the unit that a file tells of a column, in its name or below it; else empty."""
+    """Return the unit that a file gives for a column, in its name or below it; else empty."""
     ending = _ENDING.search(column)
     own = (ending["square"] or ending["round"] or "") if ending else ""
     return own.strip() or layout.unit(column).strip("()[] ")

@@ -139,11 +139,11 @@ class Layout:
     is_named: bool
 
     def unit(self, name: str) -> str:
-        """Return the unit of a column that the line below the names tells; else empty."""
+        """Return the unit of a column that the line below the names gives; else empty."""
         return dict(zip(self.names, self.units, strict=False)).get(name, "")
 
     def unit_s(self, name: str) -> float | None:
-        """Return the unit of time that a column's name or the line below tells, s."""
+        """Return the unit of time that a column's name or the line below gives, s."""
         unit = self.unit(name).strip("()[] ")
         inside = (f"t [{each}]" for each in re.findall(r"[\[(](\w+)[\])]", name))
         # A column of a counter may have its unit for a name, as micros.

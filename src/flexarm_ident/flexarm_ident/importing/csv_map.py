@@ -50,7 +50,7 @@ class CsvMap:
     description : str
         Free text for the bag's source.
     time_unit : str
-        Unit of the time, ``us``; empty where the name, the file or nothing tells it.
+        Unit of the time, ``us``; empty where the name, the file or nothing gives it.
     """
 
     inputs: tuple[CsvChannel, ...]

@@ -40,7 +40,7 @@ class CsvRecord:
     Attributes
     ----------
     mapping : CsvMap
-        Its columns, with the units that the file tells.
+        Its columns, with the units that the file gives.
     inputs, outputs : ndarray, (rows, channels)
         Signals in the order of the map; NaN in an output that was not measured.
     sampling : Sampling
@@ -66,7 +66,7 @@ def read_csv(path: Path, columns: CsvMap | TableColumns, *, wrap: float | None =
     """Read columns of a table of text as the record of an experiment.
 
     Rows that are missing, and outputs that were not measured, are holes, as in a bag. Where no map
-    tells whether the outputs made the inputs, the data do.
+    says whether the outputs made the inputs, the data do.
 
     Parameters
     ----------

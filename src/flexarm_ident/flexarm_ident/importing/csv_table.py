@@ -68,7 +68,7 @@ class CsvTable:
     own_instants : bool
         Each column has its own rows, as in an export of several topics; NaN is not a sample.
     unit_told : bool
-        Something tells the unit of the times, which are in s here; else it was taken for that.
+        Something gives the unit of the times, which are in s here; else it was taken for that.
     """
 
     path: Path

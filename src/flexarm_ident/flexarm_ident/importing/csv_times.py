@@ -140,10 +140,10 @@ def _last_digit_s(since_s: FloatArray) -> float:
 def unit_question(
     table: CsvTable, column: str, names: Sequence[str], rate_hz: float
 ) -> tuple[str, ...]:
-    """Ask for the unit of times that nothing tells, where s make a slow record.
+    """Ask for the unit of times that nothing gives, where s make a slow record.
 
     Slow plants are logged at steps that people choose, such as 0.5 s, 10 s or 15 min, and clocks of
-    fast ones at whole numbers of hertz. What fits the second alone is refused until it is told; so
+    fast ones at whole numbers of hertz. What fits the second alone is refused until it is given; so
     are days of a motor. What fits the first, as 0.2 Hz does, is asked about, unless the names are
     those of slow plants.
 

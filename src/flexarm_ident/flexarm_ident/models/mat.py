@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flexarm_ident.models.model_parameters import ParameterValue
 
 # The header's free text, where scipy puts the date. The same model has to give the same file,
-# and damage is told by a digest of all that follows.
+# and a digest of all that follows shows damage.
 _HEADER_SIZE = 116
 # Of a machine that has much else to do; the reader's own time is bounded.
 _DEADLINE_S = 60.0

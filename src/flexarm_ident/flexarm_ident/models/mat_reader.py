@@ -72,7 +72,7 @@ def _scalar(value: Any) -> object:  # noqa: ANN401 - whatever the file held
 def answer(content: bytes) -> str:
     """Return a JSON object: the tree of a file, or its error."""
     try:
-        # A matrix of complex numbers is none: a list of texts tells it.
+        # A matrix of complex numbers is none: a list of texts says so.
         return json.dumps({"tree": tree(content)}, default=str)
     except VariableError as error:
         return json.dumps({"error": str(error)})

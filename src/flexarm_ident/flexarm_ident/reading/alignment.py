@@ -161,7 +161,7 @@ class Alignment:
         declared : sequence of bool
             As in `loop_kind`.
         told : sequence of DataWarning
-            What the bag tells of the run besides.
+            What the bag says of the run besides.
 
         Raises
         ------

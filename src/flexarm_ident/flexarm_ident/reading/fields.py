@@ -41,7 +41,7 @@ class Field:
     path : str
         Place in the message: ``wrench.force.x``, ``data[2]``, ``transforms[0].header.stamp.sec``,
         or ``effort[elbow]`` where a list of texts in the message, such as the joints' names of
-        ``JointState``, tells the place of ``elbow``. Empty where none was named.
+        ``JointState``, gives the place of ``elbow``. Empty where none was named.
     name : str
         Name of the channel.
     """
@@ -58,7 +58,7 @@ def parse_field(text: str) -> Field:
     """Return the field of ``TOPIC.FIELD`` or ``NAME=TOPIC.FIELD``.
 
     Without a name the channel is called as its field, with underscores: ``joint_states_effort_0``.
-    A topic without a field, ``/joint_states``, is refused where its bag tells the fields it has.
+    A topic without a field, ``/joint_states``, is refused where its bag lists the fields it has.
 
     Raises
     ------

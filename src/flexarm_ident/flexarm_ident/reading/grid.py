@@ -184,7 +184,7 @@ def _by_steps(times_s: FloatArray, usual_s: float) -> tuple[float, FloatArray]:
     """Return the period and the instants of samples at steps of nearly whole periods.
 
     Losses bias the median of the steps; the line through the rounded ones is free of that, unless a
-    long hole was rounded wrong. The phase tells its length.
+    long hole was rounded wrong. The phase gives its length.
     """
     rounded = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(times_s) / usual_s))])
     for _ in range(2):

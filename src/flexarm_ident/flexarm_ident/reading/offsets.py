@@ -56,7 +56,7 @@ def on_their_rows(
     """Put signals on rows as `common_rows` does, and commands that come too early on their own.
 
     Commands are moved to the rows behind them when these are as near as the scatter of the delays
-    allows, and the outputs refute that they act before. A controller's command tells of the sample
+    allows, and the outputs refute that they act before. A controller's command names the sample
     that it answers, so what would be moved in error in a loop stays as it was received.
 
     Parameters

@@ -49,7 +49,7 @@ def longest_run(sequence: NDArray[np.int64]) -> Run:
 
 
 def notices(run: Run, grid: Grid, messages: int) -> tuple[DataWarning, ...]:
-    """Return what is told of restarts, holes and late samples, each where it applies.
+    """Return what is reported of restarts, holes and late samples, each where it applies.
 
     Parameters
     ----------

@@ -135,7 +135,8 @@ def _values(text: str) -> dict[str, Any]:
 def _difference(before: dict[str, Any], after: dict[str, Any]) -> str:
     """Return what differs of the law, in a few words.
 
-    It is empty where only its reference differs, or models, which are told where they are chosen.
+    It is empty where only its reference differs, or models, which are reported where they are
+    chosen.
     """
     if after["law"] != before["law"]:
         return f"to {after['law']}"

@@ -30,7 +30,7 @@ _GAP = 1.5
 # above this is one more.
 _AROUND = 15
 _LOST = 0.6
-# The count tells the period, which the next count begins with.
+# The count gives the period, which the next count begins with.
 _COUNTS = 3
 # Fewer arrivals do not tell whether there are even instants behind them.
 _FEWEST = 100
@@ -168,7 +168,7 @@ def counted_periods(times_ns: Integers) -> Integers:
 
 
 def lost_messages(times_ns: Integers) -> int:
-    """Return how many messages of a steady sender are missing; 0 where nothing tells."""
+    """Return how many messages of a steady sender are missing; 0 where nothing shows it."""
     times_s = (times_ns - times_ns[0]) / NS
     if len(times_s) < _FEWEST or not _is_steady(times_s):
         return 0

@@ -141,4 +141,4 @@ TABLE = Kind(
     Grade.INFORMATION,
 )
 RECORDING = (LOST_SAMPLES, SAMPLING, PARTIAL_RECORD, CONVERTED, PLANT_CHANGED, TABLE)
-"""What the reading of a record tells."""
+"""What the reading of a record reports."""

@@ -25,7 +25,7 @@ def short_names(labels: Sequence[str]) -> dict[str, str]:
 
 
 def portable_names(labels: Sequence[str]) -> list[str]:
-    """Return labels for files that others read: no absolute path, which tells of this machine."""
+    """Return labels for files that others read: no absolute path, which reveals this machine."""
     short = short_names(labels)
     return [_portable(short[label]) if _is_absolute(label) else label for label in labels]
 

@@ -76,7 +76,7 @@ class Bridge:
     Attributes
     ----------
     outlet : Outlet
-        What the pages are told through; set before the server starts.
+        What sends messages to the pages; set before the server starts.
     samples : SampleReader
         Reader of the samples; its caller hands it the messages.
     situation : Situation

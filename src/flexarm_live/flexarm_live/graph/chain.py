@@ -1,4 +1,4 @@
-"""Jobs of a page, told and cancelled, and the chain of their work: record, identify, tune."""
+"""Jobs of a page, reported and cancelled, and the chain of their work: record, identify, tune."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Jobs:
     def start(self, kind: str, work: Work, *, left: str = "nothing was written") -> int:
         """Start work and return its number; a `FlexarmError` while one of its kind is at work.
 
-        What is `left` of it is told when it is cancelled.
+        What is `left` of it is reported when it is cancelled.
         """
         self.require_none(kind)
         number = next(self._numbers)

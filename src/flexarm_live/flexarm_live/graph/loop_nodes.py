@@ -38,7 +38,7 @@ class LoopNodes:
     calls : Calls
         Their services.
     situation : Situation
-        Is told of transitions.
+        Hears of transitions.
     codec : Codec
         Topics of the loop.
 

@@ -161,7 +161,7 @@ def own_names(listed: Iterable[str]) -> list[str]:
 
 
 def shown(descriptor: ParameterDescriptor, value: object) -> dict[str, Any]:
-    """Return one parameter as a page is told it; the inverse of `flexarm_node.parameters`."""
+    """Return one parameter as a page gets it; the inverse of `flexarm_node.parameters`."""
     words = dict(
         word.partition(": ")[::2] for word in descriptor.additional_constraints.split("; ")
     )

@@ -19,7 +19,7 @@ _REPORT_S = 4.0
 _USUAL_REPORT_S = 2.5
 _SILENT_S = 1.0
 _STOPPED_S = 2.0
-"""A stop is told at once, and reported within a second."""
+"""A stop is shown at once, and reported within a second."""
 _RECORDING = "recording to "
 _HELD = "the drive is held at zero: "
 _EMERGENCY = "emergency stop"
@@ -56,7 +56,7 @@ class _Report(NamedTuple):
             return math.nan
 
     def histogram(self) -> dict[str, Any]:
-        """Return the histogram of the loop as a page is told it; nothing while there is none."""
+        """Return the histogram of the loop as a page gets it; nothing while there is none."""
         bars = {name: self.values.get(f"{name} histogram", "").split() for name in _DURATIONS}
         if not all(bars.values()):
             return {}
@@ -159,7 +159,7 @@ class Situation:
         return f"{_HELD}{badge.reason}" if is_held else ""
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return the figures of the loop and the state, as a page is told them."""
+        """Return the figures of the loop and the state, as a page gets them."""
         daq = self._reports.get("daq") or _Report(now_s, is_error=False, message="", values={})
         badge = self.badge(now_s)
         return {
@@ -180,7 +180,7 @@ class Situation:
     def reports(self, now_s: float) -> dict[str, dict[str, Any]]:
         """Return message and figures of each node.
 
-        Of one of the laboratory that is silent it is told for how long; others come and go.
+        Of one of the laboratory that is silent it says for how long; others come and go.
         """
         found: dict[str, dict[str, Any]] = {
             name: {"message": silence, "values": {}}

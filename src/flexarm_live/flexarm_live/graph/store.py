@@ -120,12 +120,12 @@ def _known(kind: str, name: str, names: list[str]) -> str:
 
 
 def signals_of(record: Path) -> dict[str, Any]:
-    """Return the signals of a CSV file or a bag, as a page is told them.
+    """Return the signals of a CSV file or a bag, as a page gets them.
 
     Returns
     -------
     dict
-        ``signals``, each with its ``name``, its ``unit`` as far as it is told, and its ``role`` by
+        ``signals``, each with its ``name``, its ``unit`` as far as it is known, and its ``role`` by
         its name: ``input``, ``output``, ``time`` or empty. It is an empty list for a bag of
         flexarm's own samples, which says all by itself. ``endings``: how a name ends that says a
         unit. ``has_clock``: the record has the instants of its samples.
@@ -163,6 +163,6 @@ def _of_table(file: Path) -> list[dict[str, str]]:
 
 
 def _unit(name: str, told: str) -> str:
-    """Return a unit of `UNIT_ENDINGS` that the name or the file tells; empty without one."""
+    """Return a unit of `UNIT_ENDINGS` that the name or the file gives; empty without one."""
     ending = unit_ending(label_and_unit(name)[1] or told)
     return UNIT_ENDINGS.get(ending.removeprefix("_"), "")

@@ -73,7 +73,7 @@ async function send(link, name, file) {
   return reply;
 }
 
-/** Table of a record's signals with their roles and units; empty for a record that tells its own. */
+/** Table of a record's signals with their roles and units; empty for a record that has its own. */
 export class Signals {
   #bag = "";
   #rows = [];
@@ -103,13 +103,13 @@ export class Signals {
     this.#fill(signals, hasClock);
   }
 
-  /** Whether an input and an output are chosen, or the record tells its own. */
+  /** Whether an input and an output are chosen, or the record has its own. */
   get areNamed() {
     const { inputs, outputs } = this.fields;
     return inputs === undefined || (inputs.length > 0 && outputs.length > 0);
   }
 
-  /** Fields of a request; none for a record that tells its own. */
+  /** Fields of a request; none for a record that has its own. */
   get fields() {
     if (this.#rows.length === 0) return {};
     const of = (role) => this.#rows.filter((row) => row.role.value === role);

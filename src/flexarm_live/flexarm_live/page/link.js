@@ -149,7 +149,7 @@ export class Link extends EventTarget {
     this.#waitMs = Math.min(2 * this.#waitMs, LONGEST_WAIT_MS);
   }
 
-  // The server tells its state twice a second: silence is a state of its own.
+  // The server sends its state twice a second: silence is a state of its own.
   #heard() {
     clearTimeout(this.#watch);
     this.#watch = setTimeout(() => this.#tell("silent"), SILENCE_MS);

@@ -28,7 +28,7 @@ class Role(Enum):
     HAND = "hand"
     """May command."""
     OWNER = "owner"
-    """The terminal of the user who started the server: may command, and is told the token."""
+    """The terminal of the user who started the server: may command, and gets the token."""
 
 
 def refusal(headers: Mapping[str, str], own_names: frozenset[str]) -> str:

@@ -94,7 +94,7 @@ class Desk:
         return {"type": "hello", "version": VERSION, "hand": may_command, **about}
 
     def state(self, client: str) -> dict[str, Any]:
-        """Return the state of now as a client is told it."""
+        """Return the state of now as a client gets it."""
         holder = self.hold.holder
         return {
             "type": "state",

@@ -221,7 +221,7 @@ class Server:
             self._desk.leave(page.name)
 
     async def _on_stop_page(self, page: _Page, connection: ServerConnection) -> None:
-        """Answer the stops of a page, which is told nothing else."""
+        """Answer the stops of a page, which gets nothing else."""
         self._stops.add(page)
         sending = asyncio.create_task(page.send())
         try:
@@ -280,7 +280,7 @@ class Server:
     ) -> dict[str, Any] | None:
         """Return the reply to a line; None when its terminal goes away before.
 
-        What was asked for is withdrawn then: the terminal has told its user that it failed, and a
+        What was asked for is withdrawn then: the terminal has reported a failure to its user, and a
         node that is started later must not get it. A stop is not.
         """
         work = asyncio.create_task(self._desk.answer(line, name, Role.OWNER))

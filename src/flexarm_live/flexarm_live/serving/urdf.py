@@ -25,7 +25,7 @@ def urdf_of(rig: RigDescription) -> str:
     ----------
     rig : RigDescription
         Rig. Limits of effort are those of the input, in its SI unit. Limits of velocity are the
-        travel in one sample: no sensor tells of more.
+        travel in one sample: no sensor shows more.
     """
     robot = ET.Element("robot", name=rig.name)
     for name, rgba in _COLOURS.items():

@@ -117,7 +117,7 @@ class PageAddress(Address):
 
 
 class FoxgloveAddress(Address):
-    """Address for the viewers, which their node tells."""
+    """Address for the viewers, which their node gives."""
 
     def __init__(self, processes: NodeProcesses) -> None:
         super().__init__(

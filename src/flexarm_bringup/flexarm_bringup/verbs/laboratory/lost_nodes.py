@@ -1,4 +1,4 @@
-"""Nodes whose end is not that of a running laboratory: told, with the command of another one."""
+"""Nodes whose end does not end a laboratory: reported, with the command of another one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CSV files beside bags on a command line: what tells their columns."""
+"""CSV files beside bags on a command line: what names their columns."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SPREADSHEETS = frozenset({".xlsx", ".xls", ".ods"})
 def taken_columns(
     paths: Sequence[Path], map_file: Path | None, options: dict[str, Any]
 ) -> CsvMap | TableColumns | None:
-    """Return what tells the columns of the CSV files: a map, or names taken out of the options.
+    """Return what names the columns of the CSV files: a map, or names taken out of the options.
 
     Where there is no CSV file, names stay in the options: those of signals of bags.
     """

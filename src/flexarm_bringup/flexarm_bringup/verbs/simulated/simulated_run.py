@@ -42,7 +42,7 @@ class SimulatedRun(ABC):
     """
 
     followed_by: ClassVar[str]
-    """Command that a user tries next, and where it is told."""
+    """Command that a user tries next, and where it is described."""
 
     def __init__(self, bags: Path, settings: RunSettings) -> None:
         self.settings = settings

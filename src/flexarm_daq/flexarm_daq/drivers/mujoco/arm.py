@@ -43,7 +43,7 @@ class MujocoSettings:
     noise : tuple of float
         Standard deviation of the noise of each output, in the units of the sensor.
     delay_s : tuple of float
-        Age of what each output tells, s: a camera's exposure and computation.
+        Age of what each output reads, s: a camera's exposure and computation.
     frame_hz : tuple of float
         Frames a second of each output, which is held between them; 0 for each sample anew.
     seed : int
@@ -111,7 +111,7 @@ class MujocoArm:
 
     def __init__(self, settings: MujocoSettings, folder: Path) -> None:
         self._mujoco = _engine()
-        # By default a file in the working folder gets them; what diverges is told by `advance`.
+        # By default a file in the working folder gets them; `advance` reports what diverges.
         self._mujoco.set_mju_user_warning(lambda _: None)
         self.model = self._compiled(settings, folder)
         self.substeps = settings.substeps or max(

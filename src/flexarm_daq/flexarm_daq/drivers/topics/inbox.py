@@ -1,4 +1,4 @@
-"""Newest readings of a robot, with what is missing, stale or out of order told by name."""
+"""Newest readings of a robot, with what is missing, stale or out of order by name."""
 
 from __future__ import annotations
 

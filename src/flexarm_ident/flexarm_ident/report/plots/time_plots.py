@@ -176,7 +176,7 @@ def _beneath(time_s: FloatArray, missing: BoolArray, y: Axis, fitted_s: float) -
     """
     found = []
     end_s = min(fitted_s, float(time_s[-1]))
-    # A shade over all tells nothing.
+    # A shade over all shows nothing.
     if time_s[0] < end_s < time_s[-1]:
         ends_s = [float(time_s[0]), end_s]
         found.append(marks.between(ends_s, y.low, y.high, marks.SHADE, "fitted part"))

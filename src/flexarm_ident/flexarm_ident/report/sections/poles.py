@@ -164,7 +164,7 @@ def _pairs(upper: ComplexArray, look: str, label: str) -> Mark:
 
 
 def _z_plane(words: str, found: Sequence[Mark], dt_s: float, reach: float) -> str:
-    """Draw marks behind and within the unit circle, which tells the frequencies."""
+    """Draw marks behind and within the unit circle, which shows the frequencies."""
     circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 181))
     ticks = np.exp(1j * np.pi * np.array(_TICKED_SHARES))
     behind = [
