@@ -87,6 +87,11 @@ _BENCHES = (
         ("--arms 12", "--arms 3 --first-seed 100"),
     ),
     (
+        "mujoco",
+        "The simulated rig beside the same arm in MuJoCo",
+        ("--json out/mujoco.json",),
+    ),
+    (
         "tip",
         "Control of the tip of an arm in MuJoCo beside control of its hub",
         ("--json out/tip.json",),
