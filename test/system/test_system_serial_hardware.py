@@ -94,7 +94,10 @@ def test_board___wired_rightly___passes_each_step(
         (("[motor]", "[mtor]"), "board", "no input mtor (nearest: motor)"),
         (("offset: 8184", "offset: 4000"), "sensors", "bend_v reads +1.2"),
         (("scale: 0.00153398", "scale: -0.00153398"), "by hand", "swap A and B of its encoder"),
-        (("raw_per_unit: 88.9", "raw_per_unit: -88.9"), "drive", "set sign: -1 for joint hub"),
+        pytest.param(
+            (("raw_per_unit: 88.9", "raw_per_unit: -88.9"), "drive", "set sign: -1 for joint hub"),
+            marks=pytest.mark.exhaustive,
+        ),
     ],
 )
 def test_board___wired_or_described_wrongly___step_says_so(
@@ -113,6 +116,7 @@ def test_board___wired_or_described_wrongly___step_says_so(
     assert ("Nothing was moved." in "\n".join(lines)) == (step != "drive")
 
 
+@pytest.mark.exhaustive
 def test_button___that_nobody_presses___is_told(
     board: SimulatedBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
