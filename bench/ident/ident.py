@@ -132,11 +132,12 @@ def cache() -> Path:
     return Path(base) / "flexarm" / "peers"
 
 
-def install() -> None:
-    """Install every peer of `requirements/peers.in` into an environment of its own."""
+def install(names: Sequence[str] = tuple(PEERS)) -> None:
+    """Install peers of `requirements/peers.in`, each into an environment of its own."""
     lines = (_HERE.parents[1] / "requirements" / "peers.in").read_text("utf-8").splitlines()
     wanted = [line.partition("#")[0].strip() for line in lines]
-    for name, (_, distribution) in PEERS.items():
+    for name in names:
+        distribution = PEERS[name][1]
         requirement = next(line for line in wanted if line.startswith(distribution))
         folder = cache() / name
         terminal.CONSOLE.print(f"installing {requirement} into {folder}")
@@ -195,7 +196,7 @@ def measured(methods: Sequence[str], noise: str, k: int, seeds: Sequence[int]) -
             for method in methods:
                 if method in _SLOW and k > _SLOW_LENGTH and seed > seeds[0]:
                     continue
-                answer = _run(method, folder, pythons)
+                answer = run_worker(method, folder, pythons)
                 if isinstance(answer, str):
                     failures[method] = answer
                 else:
@@ -277,9 +278,15 @@ def _judged(answer: dict[str, Any], given: Trial) -> dict[str, Any]:
     return {**answer, "error": judged, "unstable": int(radius > 1.0 or moved)}
 
 
-def _run(method: str, folder: Path, pythons: dict[str, str]) -> dict[str, Any] | str:
-    """Return a worker's answer, or its last words."""
-    options = [str(folder), str(ORDER), str(BLOCK_ROWS)]
+def run_worker(
+    method: str,
+    folder: Path,
+    pythons: dict[str, str],
+    order: int = ORDER,
+    block_rows: int = BLOCK_ROWS,
+) -> dict[str, Any] | str:
+    """Return a worker's answer, or its last words; with order 0 a peer chooses its own."""
+    options = [str(folder), str(order), str(block_rows)]
     if method == "octave":
         data = {name: np.load(folder / f"{name}.npy") for name in ("u", "y")}
         io.savemat(folder / "data.mat", data)

@@ -1,7 +1,8 @@
 """One measurement of the identification benchmark, in a process and an environment of its own.
 
 It runs where the measured method is installed, so it imports numpy and that method only. Arguments:
-method, folder with `u.npy` and `y.npy`, order, block rows. The answer is a line of JSON.
+method, folder with `u.npy` and `y.npy`, order (0: of its own choice), block rows. The answer is a
+line of JSON.
 """
 
 from __future__ import annotations
@@ -65,7 +66,10 @@ def ctrlsys() -> tuple[Prepare, Identify]:
     def run(data: tuple[Array, Array], order: int, block_rows: int) -> Model:
         u, y = data
         r, m = u.shape[1], y.shape[1]
-        factor = slicot.ib01ad("N", "C", "M", "O", "N", "N", block_rows, r, m, u, y, 0.0, -1.0)[1]
+        gap, factor = slicot.ib01ad(
+            "N", "C", "M", "O", "N", "N", block_rows, r, m, u, y, 0.0, -1.0
+        )[:2]
+        order = order or max(1, min(gap, block_rows - 1))
         A, C, B, D = slicot.ib01bd("N", "A", "N", block_rows, order, r, m, len(u), factor, 0.0)[:4]
         return A, B, C, D
 
@@ -81,8 +85,10 @@ def sippy() -> tuple[Prepare, Identify]:
 
     def run(data: tuple[Array, Array], order: int, block_rows: int) -> Model:
         u, y = data
+        own = {"IC": "AIC", "SS_orders": [1, min(10, block_rows - 1)]}
+        chosen = {"SS_fixed_order": order} if order else own
         found = sippy_unipi.system_identification(
-            y, u, "N4SID", tsample=DT_S, SS_f=block_rows, SS_fixed_order=order
+            y, u, "N4SID", tsample=DT_S, SS_f=block_rows, **chosen
         )
         return found.A, found.B, found.C, found.D
 

@@ -125,9 +125,8 @@ def identify(
         records, excerpts, method, order, singular_value_threshold, block_rows, stable, report
     )
     chosen, found = fit.model(feedthrough=feedthrough is True)
-    open_and_missed = feedthrough is None and found.likelihood is None
-    if open_and_missed and calls_for_feedthrough(chosen, excerpts, stable=stable):
-        found = fit.model(feedthrough=True)[1]
+    if feedthrough is None and _is_open_loop(chosen, excerpts):
+        found = fit.with_feedthrough(chosen, found)
     report("fit", 1.0)
     if not fit.in_memory:
         return found
@@ -163,15 +162,11 @@ class _Fit(NamedTuple):
         Where the likelihood shows that nothing is left in the data but noise, no other estimator
         is weighed.
         """
-        first = self._first_choice(feedthrough=feedthrough)
-        if self.method != AUTO or self.order is not None or self.threshold is not None:
+        first, likeliest = self._likeliest(feedthrough=feedthrough)
+        if likeliest is not None:
+            return first, likeliest
+        if not self._is_open:
             return first, self._linear(first, feedthrough=feedthrough)
-        asked = may_be_likely(self.records)
-        if asked:
-            linear = self._linear(first, feedthrough=feedthrough)
-            better = likely(linear, progress=self.progress)
-            if better is not None:
-                return first, better
         chosen = weigh(
             *(first, self.records, self.excerpts),
             block_rows=self.block_rows,
@@ -181,8 +176,35 @@ class _Fit(NamedTuple):
         )
         linear = self._linear(chosen, feedthrough=feedthrough)
         other = (chosen.selection.method, chosen.order) != (first.selection.method, first.order)
-        better = likely(linear, progress=self.progress) if asked and other else None
-        return chosen, better or linear
+        asked = other and may_be_likely(self.records)
+        return chosen, (likely(linear, progress=self.progress) if asked else None) or linear
+
+    def with_feedthrough(self, chosen: Choice, found: Identification) -> Identification:
+        """Return the model with D where the records of an open loop call for it.
+
+        They do where it leaves nothing but noise, which the model without it does not, or where it
+        improves the simulation, see `calls_for_feedthrough`.
+        """
+        if self._is_open and found.likelihood is None:
+            _, likeliest = self._likeliest(feedthrough=True)
+            if likeliest is not None:
+                return likeliest
+        if calls_for_feedthrough(chosen, self.excerpts, stable=self.stable):
+            return self.model(feedthrough=True)[1]
+        return found
+
+    @property
+    def _is_open(self) -> bool:
+        """Whether method and order are to be chosen."""
+        return self.method == AUTO and self.order is None and self.threshold is None
+
+    def _likeliest(self, *, feedthrough: bool) -> tuple[Choice, Identification | None]:
+        """Return the choice by one-step errors, and its model of maximum likelihood if it fits."""
+        first = self._first_choice(feedthrough=feedthrough)
+        if not (self._is_open and may_be_likely(self.records)):
+            return first, None
+        linear = self._linear(first, feedthrough=feedthrough)
+        return first, likely(linear, progress=self.progress)
 
     def _first_choice(self, *, feedthrough: bool) -> Choice:
         """Return estimator and order, by one-step errors where they are left open."""
@@ -295,8 +317,7 @@ def calls_for_feedthrough(chosen: Choice, records: Sequence[IoData], *, stable: 
 
     Two models of the same A and C are fitted, with and without D, and simulated freely; D is taken
     when the model without it is worse by more than 3 % and by more than two standard errors, part
-    by part. A controller that answers within the sample makes such a correlation as well, so
-    records of a closed loop are not asked.
+    by part.
 
     Parameters
     ----------
@@ -308,8 +329,6 @@ def calls_for_feedthrough(chosen: Choice, records: Sequence[IoData], *, stable: 
         Whether unstable eigenvalues are moved.
     """
     selection, order = chosen
-    if any(record.closed_loop for record in records) or reaches_inputs(selection.gram):
-        return False
     pieces = spread(records)
     try:
         without, direct = (
@@ -318,4 +337,11 @@ def calls_for_feedthrough(chosen: Choice, records: Sequence[IoData], *, stable: 
         )
     except IdentificationError:  # too unstable to simulate
         return False
-    return not (within_tolerance(without, direct) or within_scatter(without, direct))
+    errors = without.expected_error, direct.expected_error
+    return not (within_tolerance(*errors) or within_scatter(without, direct))
+
+
+def _is_open_loop(chosen: Choice, records: Sequence[IoData]) -> bool:
+    """Return whether D can be told from a controller that answers within the sample."""
+    declared = any(record.closed_loop for record in records)
+    return not declared and not reaches_inputs(chosen.selection.gram)

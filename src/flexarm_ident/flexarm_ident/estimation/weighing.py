@@ -1,27 +1,21 @@
-"""Second opinion on method and order: models weighed by free simulation, with parsimony.
+"""Choice of method and order: models weighed by their simulation errors, with parsimony.
 
 The one-step errors, by which `order.choose_order` goes, say little about the simulation where the
 noise is coloured by friction: the order is too small then. Models of every estimator that the data
-allow and of several orders are therefore fitted and simulated freely, and judged by their mean
-relative error (2-25), as it is expected of other data. The first choice stays when its error
-exceeds the smallest by at most 3 %. Otherwise the smallest order is taken that is as good as the
-best model: its error exceeds the smallest by at most 3 %, and its squared error that of the best
-model by at most two standard errors. These are taken over parts of the records, both models
-compared part by part. The second condition decides for records with much noise, where 3 % of the
-error would hide a mode, the first for records whose errors come in bursts.
-
-With few data a model of high order follows their noise beyond what Akaike's factor expects. There
-each model is fitted without a block of the records in turn as well, see `cross_validation`. One
-that misses these blocks by more than twice as much as another does, or is no better than their mean
-where another is, is not chosen.
+allow and of several orders are therefore fitted and simulated freely. Two errors count. One is over
+the data of the fit, as it is expected of other data (Akaike's final prediction error). The other is
+over blocks that the fit left out (`cross_validation`), where a model misses that follows the noise
+of its data, or a drift. Left-out blocks alone mislead: a sweep has other resonances in each. The
+score is the geometric mean of the two, the first with twice the weight, and the smallest order is
+taken whose score exceeds the smallest by at most 3 %.
 
 Free simulation does not show the bias of a model that was identified under feedback: it fits the
 noise that the controller has brought into the input. And it rewards a model of high order that
 imitates friction, at the cost of its modes. Where the first choice is for feedback or friction,
 only such estimators are weighed, and it stays up to 35 %.
 
-Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees", Wadsworth (1984), for the
-rule of one standard error.
+Stone, "Cross-validatory choice and assessment of statistical predictions", Journal of the Royal
+Statistical Society B 36 (1974).
 """
 
 from __future__ import annotations
@@ -66,11 +60,10 @@ _RECORDS = 8
 TOLERANCE = 1.03
 _TOLERANCE_IN_FEEDBACK = 1.35
 _STANDARD_ERRORS = 2.0
-# Ratio of the expected to the plain error above which it can decide.
-_FEW_DATA = 1.02
-# Error on left-out blocks in units of the smallest. Models differ by less where a block holds what
-# the others do not, as with a sweep.
-_MISSES = 2.0
+# Weight of the expected error beside that on left-out blocks.
+_WEIGHT = 2.0
+# Blocks are left out where the expected error is less in units of the smallest.
+_HOPELESS = 2.0
 # A smaller relative error is rounding.
 _SMALLEST_ERROR = 1e-6
 
@@ -191,39 +184,44 @@ class Weighed:
         """Whether the first choice is as good as the best of the others, or nearly so."""
         row = METHODS[self._first.selection.method]
         tolerance = _TOLERANCE_IN_FEEDBACK if row.consistent_under_feedback else TOLERANCE
-        if not self._candidates:
-            return False
-        admitted = self._admitted()
         found = self._found_first
-        error = found.expected_error if found in admitted else np.inf
-        smallest = admitted[0].expected_error
-        return bool(error <= tolerance * max(smallest, _SMALLEST_ERROR))
+        return found is not None and within_tolerance(
+            self.score(found), self.score(self._best), tolerance
+        )
 
     def choice(self) -> Choice:
         """Return the first choice where it stays, else the most parsimonious model."""
         if not self._candidates:
             return self._first
-        admitted = self._admitted()
-        first, best, is_few = self._first, admitted[0], self._is_few
-        words = "in simulation" + is_few * ", as expected of other data"
-
-        def told(made: Candidate | None) -> str:
-            if made is None:
-                return "no result"
-            return f"{made.expected_error if is_few else made.error:.3g}"
-
-        error = told(self._found_first)
-        smallest = f"the best of {len(self._candidates)} models {told(best)} ({best.name})"
+        first, best = self._first, self._best
         if self.first_stays:
-            reason = f"{first.selection.reason}: {error} {words}, {smallest}"
+            reason = (
+                f"{first.selection.reason}: {self._figures(self._found_first)}, the best of "
+                f"{len(self._candidates)} models {self._figures(best)} ({best.name})"
+            )
             return Choice(first.selection._replace(reason=reason), first.order)
-        chosen = most_parsimonious(admitted, best)
+        chosen = most_parsimonious([(each, self.score(each)) for each in self._candidates.values()])
         reason = (
-            f"{chosen.name} was chosen: {told(chosen)} {words}, "
-            f"{error} by {first.selection.method} of order {first.order}, which "
-            f"the one-step errors call for, {smallest}{self._refused(admitted)}"
+            f"{chosen.name} was chosen of {len(self._candidates)} models: {self._figures(chosen)}; "
+            f"{first.selection.method} of order {first.order}, which the one-step errors call for, "
+            f"has {self._figures(self._found_first)}"
         )
         return Choice(chosen.selection._replace(reason=reason), chosen.order)
+
+    def score(self, made: Candidate) -> float:
+        """Return the weighted geometric mean of the expected error and that on left-out blocks.
+
+        It is the expected error itself where the records are too short for blocks, and infinite
+        where the model without a block cannot be simulated or the expected error is hopeless.
+        """
+        smallest = min(each.expected_error for each in self._candidates.values())
+        expected = made.expected_error
+        if expected > _HOPELESS * max(smallest, _SMALLEST_ERROR):
+            return np.inf
+        left_out = self._error_left_out(made)
+        if left_out is None:
+            return expected
+        return float((expected**_WEIGHT * left_out) ** (1.0 / (1.0 + _WEIGHT)))
 
     @property
     def _found_first(self) -> Candidate | None:
@@ -231,36 +229,17 @@ class Weighed:
 
     @property
     def _best(self) -> Candidate:
-        return min(self._candidates.values(), key=lambda each: each.expected_error)
+        return min(self._candidates.values(), key=self.score)
 
-    @property
-    def _is_few(self) -> bool:
-        pair = (self._best, self._found_first)
-        return any(each.inflation > _FEW_DATA for each in pair if each)
+    def _figures(self, made: Candidate | None) -> str:
+        if made is None:
+            return "no result"
+        left_out = self._error_left_out(made)
+        beside = "" if left_out is None else f" and {left_out:.3g} on blocks left out"
+        return f"{made.error:.3g} in simulation{beside}"
 
-    def _admitted(self) -> list[Candidate]:
-        """Return the models that may be chosen, the best first.
-
-        With few data that is the best one that meets left-out blocks, the first choice and those
-        that are nearly as good, if they meet them as well.
-        """
-        made = sorted(self._candidates.values(), key=lambda each: each.expected_error)
-        if not self._is_few:
-            return made
-        known = [self._error_left_out(each) for each in made if each.order in COARSE]
-        smallest = min(known, default=np.inf)
-        most = _MISSES * smallest if smallest >= 1.0 else min(_MISSES * smallest, 1.0)
-        best = next((each for each in made if self._error_left_out(each) <= most), None)
-        if best is None:
-            return made
-        rivals = [each for each in made[made.index(best) :] if within_tolerance(each, best)]
-        first = self._found_first
-        if first is not None and first not in rivals:
-            rivals.append(first)
-        return [each for each in rivals if self._error_left_out(each) <= most]
-
-    def _error_left_out(self, made: Candidate) -> float:
-        """Return the error on left-out blocks, infinite where there is none."""
+    def _error_left_out(self, made: Candidate) -> float | None:
+        """Return the error on left-out blocks, None for records too short for blocks."""
         selection, records, feedthrough = made.selection, self._records, self._feedthrough
         row, key = METHODS[selection.method], (selection.method, made.order)
         if key in self._left_out:
@@ -274,10 +253,14 @@ class Weighed:
                 )
         blocks, error = self._blocks[row.name], np.inf
         if blocks is None:
-            return error
+            return None
         with suppress(FlexarmError):  # too unstable to simulate
             found = cross_validate(
-                *(records, blocks, lambda space: space.matrices(made.order)),
+                *(
+                    records,
+                    blocks,
+                    lambda space: space.matrices(made.order),
+                ),
                 row.ways if self._stable else (),
                 feedthrough=feedthrough,
                 noise_weighted=False,
@@ -285,13 +268,6 @@ class Weighed:
             error = mean_error(found.error)
         self._left_out[key] = error
         return error
-
-    def _refused(self, admitted: Sequence[Candidate]) -> str:
-        """Return what is reported of better models that miss left-out blocks."""
-        best = self._best
-        if best in admitted:
-            return ""
-        return f"; {best.name} has {best.expected_error:.3g}, but misses what its fit leaves out"
 
 
 def spread(records: Sequence[IoData]) -> list[IoData]:
@@ -311,17 +287,16 @@ def spread(records: Sequence[IoData]) -> list[IoData]:
     return pieces or list(records)
 
 
-def most_parsimonious(candidates: Sequence[Candidate], best: Candidate) -> Candidate:
-    """Return the candidate of the smallest order that is as good as the best one."""
-    by_order = sorted(candidates, key=lambda each: (each.order, each.expected_error))
-    return next(
-        each for each in by_order if within_tolerance(each, best) and within_scatter(each, best)
-    )
+def most_parsimonious(scored: Sequence[tuple[Candidate, float]]) -> Candidate:
+    """Return the candidate of the smallest order whose score is as good as the smallest."""
+    smallest = min(score for _, score in scored)
+    by_order = sorted(scored, key=lambda each: (each[0].order, each[1]))
+    return next(each for each, score in by_order if within_tolerance(score, smallest))
 
 
-def within_tolerance(one: Candidate, best: Candidate) -> bool:
-    """Return whether an error exceeds the best's by at most 3 %."""
-    return one.expected_error <= TOLERANCE * max(best.expected_error, _SMALLEST_ERROR)
+def within_tolerance(error: float, smallest: float, tolerance: float = TOLERANCE) -> bool:
+    """Return whether an error exceeds the smallest by at most 3 %, or another tolerance."""
+    return error <= tolerance * max(smallest, _SMALLEST_ERROR)
 
 
 def within_scatter(one: Candidate, best: Candidate) -> bool:

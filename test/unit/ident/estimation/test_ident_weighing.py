@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,14 @@ from scipy import signal
 
 from flexarm_ident import IoData, identify, validate_dmv
 from flexarm_ident.estimation.candidates import Candidate, fitted
-from flexarm_ident.estimation.weighing import WEIGHED_SAMPLES, most_parsimonious, spread
+from flexarm_ident.estimation.weighing import (
+    WEIGHED_SAMPLES,
+    Choice,
+    Weighed,
+    most_parsimonious,
+    spread,
+)
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.subspace.choice import estimate
 from flexarm_ident.subspace.methods import METHODS
 from support.ident_systems import DT_S, random_model, record, square_wave
@@ -28,57 +36,58 @@ F16, DAISY, FLUTTER = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Weighed:
-    """Candidate of which only the figures are known."""
-
-    order: int
-    parts: Array
-    inflation: float = 1.0
-
-    @property
-    def expected_error(self) -> float:
-        """Mean of the outputs' relative errors, as expected of other data."""
-        return self.inflation * float(np.mean(np.sqrt(self.parts.sum(axis=0))))
-
-
-def weighed(order: int, squared: list[float], inflation: float = 1.0) -> Candidate:
-    """Return a candidate with one output and these squared errors by part."""
-    parts = np.array(squared)[:, np.newaxis]
-    return Weighed(order, parts, inflation)  # type: ignore[return-value]
-
-
-BEST = [1.0, 3.0, 1.0, 3.0]
+def of_order(order: int) -> Candidate:
+    """Return a candidate of which only the order is known."""
+    return SimpleNamespace(order=order)  # type: ignore[return-value]
 
 
 @pytest.mark.parametrize(
-    ("smaller", "chosen"),
+    ("scores", "chosen"),
     [
-        # 2 % more in every part: no scatter excuses it.
-        ([1.02, 3.02, 1.02, 3.02], 12),
-        # As much in the sum, now more and now less.
-        ([1.32, 2.72, 1.32, 2.72], 8),
-        # More than 3 % of the error, by one part alone.
-        ([1.0, 3.0, 1.0, 3.6], 12),
-        (BEST, 8),
+        ({4: 1.2, 8: 1.02, 12: 1.0}, 8),
+        ({4: 1.2, 8: 1.04, 12: 1.0}, 12),
+        ({4: np.inf, 8: 1.0, 12: 1.0}, 8),
+        # Rounding is no reason for a larger order.
+        ({6: 1e-9, 30: 1e-11}, 6),
     ],
 )
 def test_most_parsimonious___smaller_order___is_taken_when_it_is_as_good(
-    smaller: list[float], chosen: int
+    scores: dict[int, float], chosen: int
 ) -> None:
-    best = weighed(12, BEST)
-    found = most_parsimonious([weighed(4, [9.0] * 4), weighed(8, smaller), best], best)
-    assert found.order == chosen
+    assert most_parsimonious([(of_order(n), score) for n, score in scores.items()]).order == chosen
 
 
-def test_most_parsimonious___errors_of_rounding___are_no_reason_for_a_larger_order() -> None:
-    best = weighed(30, [1e-22] * 4)
-    assert most_parsimonious([weighed(6, [4e-18] * 4), best], best).order == 6
+@pytest.mark.parametrize("order", [2, 6, 14])
+def test_score___of_a_model___is_the_mean_of_both_errors_with_weights(order: int) -> None:
+    data = record(random_model(4, states=4, outputs=2, inputs=1), 600, seed=4, noise=0.1)
+    selection = estimate([data], [data], "orse", 16, feedthrough=False)
+    weighed = Weighed(Choice(selection, order), [data], stable=True, feedthrough=False)
+    weighed.add(selection, order)
+    chosen = identify(data, method="orse", order=order, block_rows=16, feedthrough=False)
+    model = fitted(selection, order, [data], stable=True, feedthrough=False, noise_weighted=False)
+    made = Candidate(selection, model, [data])
+    row = replace(METHODS["orse"], noise_weighted=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(METHODS, "orse", row)
+        validation = chosen.cross_validation
+    assert validation is not None
+
+    assert weighed.score(made) == pytest.approx(
+        np.cbrt(made.expected_error**2 * mean_error(validation.error))
+    )
 
 
-def test_most_parsimonious___few_data___count_the_parameters_of_the_larger_order() -> None:
-    best, smaller = weighed(32, BEST, 1.2), weighed(8, [1.35 * each for each in BEST], 1.03)
-    assert most_parsimonious([smaller, best], best).order == 8
+def test_auto___few_samples_of_a_plant_under_noise___do_not_follow_the_noise() -> None:
+    orders, ratios = [], []
+    for seed in range(4):
+        model = random_model(seed, states=4, outputs=1, inputs=1)
+        data, fresh = (record(model, 250, each, noise=0.5) for each in (seed, seed + 100))
+        found = identify(data)
+        best = identify(data, method=found.method, order=4)
+        orders.append(found.order)
+        ratios.append(validate_dmv(found.model, fresh).mean / validate_dmv(best.model, fresh).mean)
+    assert np.median(orders) <= 8
+    assert np.median(ratios) < 1.1
 
 
 def test_expected_error___white_noise___is_that_of_other_data() -> None:

@@ -32,6 +32,11 @@ _BENCHES = (
         ("--seeds 20",),
     ),
     (
+        "real",
+        "Measured records of a folder: the default beside ARX, SLICOT and SIPPY",
+        ("records --install-peers", "records --grid"),
+    ),
+    (
         "holes",
         "Models of records with lost samples beside the undamaged ones",
         ("--seeds 20", "--only bursts --seeds 5"),
