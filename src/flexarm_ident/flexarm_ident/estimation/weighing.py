@@ -196,8 +196,8 @@ class Weighed:
         first, best = self._first, self._best
         if self.first_stays:
             reason = (
-                f"{first.selection.reason}: {self._figures(self._found_first)}, the best of "
-                f"{len(self._candidates)} models {self._figures(best)} ({best.name})"
+                f"{first.selection.reason}: {self._figures(self._found_first)}; best of "
+                f"{len(self._candidates)} models: {self._figures(best)} ({best.name})"
             )
             return Choice(first.selection._replace(reason=reason), first.order)
         chosen = most_parsimonious([(each, self.score(each)) for each in self._candidates.values()])
@@ -235,7 +235,7 @@ class Weighed:
         if made is None:
             return "no result"
         left_out = self._error_left_out(made)
-        beside = "" if left_out is None else f" and {left_out:.3g} on blocks left out"
+        beside = "" if left_out is None else f", {left_out:.3g} on left-out blocks"
         return f"{made.error:.3g} in simulation{beside}"
 
     def _error_left_out(self, made: Candidate) -> float | None:
