@@ -249,7 +249,7 @@ class Weighed:
             with suppress(FlexarmError):  # too short for blocks
                 self._blocks[row.name] = without_blocks(
                     *(records, selection.gram.block_rows),
-                    lambda gram: row.build(Data(gram, records, feedthrough)),
+                    lambda gram: row.build(Data(gram, records, feedthrough, LADDER[-1])),
                 )
         blocks, error = self._blocks[row.name], np.inf
         if blocks is None:
