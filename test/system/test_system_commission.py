@@ -70,6 +70,7 @@ def test_commission___killed___goes_on_to_a_controller(graph: Graph, tmp_path: P
     assert (out / "report.html").is_file()
 
 
+@pytest.mark.exhaustive
 def test_commission_of_a_reversed_arm___is_refused_before_the_excitation(
     graph: Graph, tmp_path: Path
 ) -> None:

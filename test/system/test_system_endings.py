@@ -234,7 +234,7 @@ def test_node___that_was_detached___goes_on_without_its_shell(
 @pytest.mark.parametrize(
     "end",
     [
-        signal.SIGHUP,
+        pytest.param(signal.SIGHUP, marks=pytest.mark.exhaustive),
         pytest.param(signal.SIGTERM, marks=pytest.mark.exhaustive),
         signal.SIGKILL,
     ],

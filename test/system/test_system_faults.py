@@ -233,6 +233,7 @@ def test_node_that_raises_anywhere___says_so_in_one_line_and_shows_it_in_its_sta
     assert graph.state_of("failing") == "active"
 
 
+@pytest.mark.exhaustive
 def test_clock_that_jumps___moves_no_stamp_of_a_running_loop(graph: Graph, tmp_path: Path) -> None:
     """The nodes' wall clock is a topic here, and jumps an hour forth and two back."""
     commands: list[MotorCommand] = []

@@ -65,6 +65,7 @@ def test_sensor_fault_in_an_experiment___ends_it_with_the_reason_and_keeps_the_r
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"B_dat1.partial", "nodes.log"}
 
 
+@pytest.mark.exhaustive
 def test_first_reading_that_is_short___ends_the_run_with_the_reason(
     graph: Graph, tmp_path: Path
 ) -> None:

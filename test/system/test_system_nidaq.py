@@ -120,6 +120,7 @@ def test_wrong_sign___is_not_activated_and_the_reason_is_one_line(
     assert not graph.refusal("daq", {"max_command_v": 1.0, "self_test": "off"})
 
 
+@pytest.mark.exhaustive
 def test_board_pulled_out___node_stops_sampling_and_says_the_drive_may_be_driven(
     graph: Graph, tmp_path: Path
 ) -> None:

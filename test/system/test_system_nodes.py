@@ -85,6 +85,7 @@ def test_remapped_controller___answers_on_the_other_names(graph: Graph) -> None:
     assert commands[0].compensation_v == 0.0
 
 
+@pytest.mark.exhaustive
 def test_nodes_with_a_loop___have_no_shared_memory_that_a_late_node_could_stop_them_with(
     graph: Graph,
 ) -> None:

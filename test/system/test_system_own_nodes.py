@@ -112,6 +112,7 @@ def test_own_reference___without_samples___says_so(graph: Graph) -> None:
     assert "no samples: does ./flexarm up run in this ROS domain?" in process.printed
 
 
+@pytest.mark.exhaustive
 def test_own_commander___drives_the_arm_by_accepted_commands_and_gives_its_place_back(
     loop: Loop,
 ) -> None:

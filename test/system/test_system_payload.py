@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 
+@pytest.mark.exhaustive
 def test_scheduled_controller___publishes_the_payload_that_it_detects(graph: Graph) -> None:
     heard: list[PayloadEstimate] = []
     graph.node.create_subscription(PayloadEstimate, "payload", heard.append, qos.STATUS)

@@ -25,6 +25,7 @@ pytestmark = pytest.mark.system
 TOPICS = {"/flexarm/state", "/flexarm/command", "/flexarm/reference"}
 
 
+@pytest.mark.exhaustive
 def test_player___plays_to_a_recorder_that_pauses_and_ends_by_itself(
     graph: Graph, tmp_path: Path
 ) -> None:

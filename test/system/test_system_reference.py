@@ -47,6 +47,7 @@ def running(graph: Graph, tmp_path: Path) -> Graph:
     return graph
 
 
+@pytest.mark.exhaustive
 def test_set_points_by_the_service___beside_a_recorder___are_all_in_force_and_told(
     running: Graph,
 ) -> None:
@@ -54,7 +55,7 @@ def test_set_points_by_the_service___beside_a_recorder___are_all_in_force_and_to
     running.node.create_subscription(
         Float64, "reference", lambda message: told.append(message.data), qos.EVERY
     )
-    given = np.linspace(-2.0, 2.0, 30).tolist()
+    given = np.linspace(-2.0, 2.0, 100).tolist()
     running.operator.acquaint("controller")
 
     replies = [set_reference(running, reference_v) for reference_v in given]
@@ -62,7 +63,7 @@ def test_set_points_by_the_service___beside_a_recorder___are_all_in_force_and_to
     assert [(reply.success, reply.reference_v) for reply in replies] == [
         (True, pytest.approx(each)) for each in given
     ]
-    running.wait(lambda: told[-30:] == given, "every set-point on the topic")
+    running.wait(lambda: told[-100:] == given, "every set-point on the topic")
     assert in_force(running) == pytest.approx(given[-1])
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 
+@pytest.mark.exhaustive
 def test_status___shows_what_each_node_reports(graph: Graph) -> None:
     graph.start("recorder")
     graph.start("controller", {"law": "pd"})

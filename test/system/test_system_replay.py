@@ -25,6 +25,7 @@ pytestmark = pytest.mark.system
 TOLD_EVERY = 300
 
 
+@pytest.mark.exhaustive
 def test_record_from_mid_run___with_changes_and_a_second_activation___replays_to_the_bit(
     graph: Graph, tmp_path: Path
 ) -> None:

@@ -122,6 +122,7 @@ def test_arm_in_virtual_time___without_clock___publishes_none(graph: Graph) -> N
     assert graph.node.count_publishers(_CLOCK) == 0
 
 
+@pytest.mark.exhaustive
 def test_clock_of_two_arms___is_that_of_one(graph: Graph) -> None:
     parameters = {"autostart": True, "rate_hz": 50.0}
     first = graph.start("daq", parameters, "-r", "__ns:=/arm1")

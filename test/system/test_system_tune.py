@@ -69,6 +69,7 @@ def test_service___refuses_a_value_that_has_no_sense(
     assert response.message.startswith(complaint)
 
 
+@pytest.mark.exhaustive
 def test_verb___writes_a_parameter_file_for_the_controller(graph: Graph, tmp_path: Path) -> None:
     gains = tmp_path / "gains.yaml"
 

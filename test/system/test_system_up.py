@@ -89,6 +89,7 @@ def test_up___set_point_out_of_travel___is_refused_on_the_terminal(graph: Graph)
     assert "[INFO]" not in process.printed
 
 
+@pytest.mark.exhaustive
 def test_up___law_unknown___is_refused_without_a_bag_in_the_way(
     graph: Graph, tmp_path: Path
 ) -> None:

@@ -21,6 +21,7 @@ def run_ident(cache: Path, *options: str) -> CompletedProcess[str]:
     return run_bench("ident.ident", *options, XDG_CACHE_HOME=str(cache), PATH="/usr/bin:/bin")
 
 
+@pytest.mark.exhaustive
 def test_bench_ident___quick___rows_and_missing_peers_are_named(tmp_path: Path) -> None:
     file = tmp_path / "rows.json"
     done = run_ident(tmp_path, "--quick", "--json", str(file))

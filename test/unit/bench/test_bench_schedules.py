@@ -88,6 +88,7 @@ def fed_late(self: Watchdog, _: int) -> None:
     self._answered = self._recent[-1]
 
 
+@pytest.mark.exhaustive
 def test_watchdog___fed_with_the_newest_sample___is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Watchdog, "fed", fed_late)
     assert found(range(1064, 1066), "the drive has the answer to sample") <= MOST_EVENTS

@@ -204,6 +204,7 @@ def test_arm_error___gradient_through_stick_and_slip___agrees_with_differences()
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_fit_arm___closed_loop_without_compensation___finds_level_and_simulates() -> None:
     _, _, data = arm_record()
     fit = fit_arm(data, [Drive("drive_a", "hub_rad")])

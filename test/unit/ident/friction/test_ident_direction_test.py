@@ -45,6 +45,7 @@ def test_direction___friction_that_passes_for_noise___recurs(level: float, rise:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_identification___friction_that_passes_for_noise___takes_an_arm() -> None:
     record = driven_arm(0.6, rise=0.3, noise=0.05, seed=1)
     linear = identify(record)
