@@ -67,7 +67,8 @@ def signal_fields(measured: Sequence[Source]) -> dict[str, str | list[str] | lis
 
     ``input_low``, ``input_high``, ``output_low`` and ``output_high`` are the ends of each signal,
     ``noise_sd`` is the standard deviation of each output's noise: the third differences of white
-    noise have twenty times its power, those of motion at a usual rate next to none.
+    noise have twenty times its power, those of motion at a usual rate next to none. ``record_s`` is
+    the length of each record, s.
     """
     lows, highs, powers, rows = [], [], 0.0, 0
     for record in measured:
@@ -87,6 +88,7 @@ def signal_fields(measured: Sequence[Source]) -> dict[str, str | list[str] | lis
         "output_low": low[inputs:].tolist(),
         "output_high": high[inputs:].tolist(),
         "noise_sd": np.broadcast_to(noise, len(low) - inputs).tolist(),
+        "record_s": [len(record) * record.dt_s for record in measured],
     }
 
 

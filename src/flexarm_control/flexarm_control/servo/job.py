@@ -12,6 +12,7 @@ from flexarm_control.servo.controller import Servo, ServoGains
 from flexarm_control.servo.regulator import loop_plant, ramp_state, tracked_outputs
 from flexarm_control.servo.rigid_motion import rigid_motion
 from flexarm_control.servo.robustness import (
+    FEWEST_PERIODS,
     ROBUSTNESS,
     SPREAD,
     at_bandwidth,
@@ -79,6 +80,12 @@ class Source:
     def noise(self) -> FloatArray:
         """Standard deviation of each output's noise; zeros where it is not known."""
         return np.asarray(self.signals.get("noise_sd", np.zeros(self.model.noutputs)))
+
+    @property
+    def shown_hz(self) -> float:
+        """Lowest frequency that its longest record shows as a vibration; 0 without a record."""
+        seconds = self.signals.get("record_s")
+        return FEWEST_PERIODS / max(seconds) if seconds else 0.0
 
     def twin(self, delay_s: float) -> Twin:
         """Return the plant of a loop with this model."""
@@ -159,6 +166,8 @@ class ServoDesign:
         The design with its margins.
     plants : dict of str to control.StateSpace
         Plants of the design by name.
+    shown_hz : float
+        Frequency below which a pair does not count as a vibration.
     twin : Twin
         Twin of the first model.
     steps : ndarray, (tracked,)
@@ -176,6 +185,7 @@ class ServoDesign:
     gains: ServoGains
     choice: Choice
     plants: dict[str, control.StateSpace]
+    shown_hz: float
     twin: Twin
     steps: FloatArray
     run: Run
@@ -214,11 +224,17 @@ def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesig
     sources = [source for source, _ in moved]
     first, notes = sources[0], (*notes, *(note for _, each in moved for note in each))
     plants = {each.name: loop_plant(each.model, request.delay_s) for each in sources}
+    shown_hz = max(each.shown_hz for each in sources)
     if request.bandwidth_hz is None:
-        choice = choose_bandwidth(plants, tracked, robustness=request.robustness, limits=limits)
+        choice = choose_bandwidth(
+            plants, tracked, robustness=request.robustness, limits=limits, shown_hz=shown_hz
+        )
     else:
-        choice = at_bandwidth(plants, tracked, request.bandwidth_hz, limits=limits)
-    notes = tuple(filter(None, (choice.caution, _backwards(plants, tracked), *notes)))
+        choice = at_bandwidth(
+            plants, tracked, request.bandwidth_hz, limits=limits, shown_hz=shown_hz
+        )
+    backwards = _backwards(plants, tracked, shown_hz)
+    notes = tuple(filter(None, (choice.caution, backwards, *notes)))
     steps = _steps(first, tracked)
     gains = _gains(choice, first, limits, steps)
     servo = Servo(gains)
@@ -237,14 +253,16 @@ def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesig
         for seed in range(1, TWINS + 1)
     )
     results = step_results(servo, run, steps)
-    return ServoDesign(gains, choice, plants, twin, steps, run, results, others, notes)
+    return ServoDesign(gains, choice, plants, shown_hz, twin, steps, run, results, others, notes)
 
 
-def _backwards(plants: Mapping[str, control.StateSpace], tracked: Sequence[int]) -> str:
+def _backwards(
+    plants: Mapping[str, control.StateSpace], tracked: Sequence[int], shown_hz: float
+) -> str:
     """Return what zeros outside the unit circle leave, where it is less than the vibrations do."""
     left = {name: attainable_hz(plant, tracked) for name, plant in plants.items()}
     name = min(left, key=left.__getitem__)
-    if not left[name] < slowest_vibration_hz(plants[name], tracked):
+    if not left[name] < slowest_vibration_hz(plants[name], tracked, shown_hz):
         return ""
     outputs = ", ".join(plants[name].output_labels[output] for output in tracked)
     return (

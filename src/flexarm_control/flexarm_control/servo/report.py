@@ -132,7 +132,9 @@ def _loop(design: ServoDesign) -> str:
     rate_hz = design.gains.rate_hz
     frequency_hz = np.geomspace(0.01 * regulator.bandwidth_hz, 0.5 * rate_hz, _POINTS)
     plants = [
-        each for name, plant in design.plants.items() for each in variations(name, plant).values()
+        each
+        for name, plant in design.plants.items()
+        for each in variations(name, plant, design.shown_hz).values()
     ]
     law = frequency_response(regulator.controller, frequency_hz)
     curves: dict[str, list[FloatArray]] = {"sensitivity": [], "complementary": [], "loop": []}

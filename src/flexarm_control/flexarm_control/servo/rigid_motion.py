@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
-from flexarm_control.servo.robustness import vibrations
+from flexarm_control.servo.robustness import FEWEST_PERIODS, vibrations
 from flexarm_ident.fitting.validation import validate_dmv
 from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
 from flexarm_ident.models.free_run import simulate_states
@@ -34,8 +34,6 @@ _FILTER_ORDER = 4
 # Part of a joint's usual speed below which it may stand.
 _STANDS = 0.1
 _FEWEST = 100
-# A pair of fewer periods in the record is one of the slow poles that imitate friction.
-_FEWEST_PERIODS = 3
 
 
 class RigidMotion(NamedTuple):
@@ -95,9 +93,8 @@ def rigid_motion(
         None when there are fewer joints than inputs, the record shows no vibration, it does not
         move enough, or the identified model predicts the joints' moves better.
     """
-    slowest = 2.0 * np.pi * _FEWEST_PERIODS / len(record.u)
-    shown = [value for value in vibrations(model) if abs(np.log(value)) > slowest]
-    modes = sorted(shown, key=lambda value: abs(np.log(value)))
+    shown_hz = FEWEST_PERIODS / (len(record.u) * record.dt_s)
+    modes = sorted(vibrations(model, shown_hz), key=lambda value: abs(np.log(value)))
     if len(joints) != model.ninputs or not modes:
         return None
     places = list(joints)

@@ -32,6 +32,8 @@ SPREAD = 0.2
 """Part by which the frequency of a vibration may be another one, such as with another payload."""
 VIBRATES = 0.3
 """Damping ratio below which a mode is a vibration."""
+FEWEST_PERIODS = 3.0
+"""Periods in a record below which a pair does not count as a vibration, but as friction."""
 BELOW_VIBRATION = 3.0
 """Frequency of the slowest vibration over the largest bandwidth: a faster loop would excite it."""
 _SAMPLES = 20.0
@@ -46,6 +48,8 @@ _NARROWEST = 1e-3
 _SWEEPS = 20
 # A pole at zero has no logarithm.
 _TINY = 1e-300
+# Disk margin with a model itself below which no controller of it holds a plant.
+_LEAST = 0.05
 
 
 class LoopMargin(NamedTuple):
@@ -88,12 +92,14 @@ class Choice:
         return sorted(each.disk for each in self.margins.values())
 
 
-def variations(name: str, plant: control.StateSpace) -> dict[str, control.StateSpace]:
-    """Return a plant and variations of its vibrations, by name.
+def variations(
+    name: str, plant: control.StateSpace, shown_hz: float = 0.0
+) -> dict[str, control.StateSpace]:
+    """Return a plant and variations of its `vibrations`, by name.
 
     All frequencies are higher or lower, and the slowest one alone.
     """
-    modes = vibrations(plant)
+    modes = vibrations(plant, shown_hz)
     found = {name: plant}
     if not modes:
         return found
@@ -127,15 +133,17 @@ def with_modes(plant: control.StateSpace, factors: Mapping[complex, complex]) ->
     return with_matrices(plant, A=A)
 
 
-def slowest_vibration_hz(plant: control.StateSpace, tracked: Sequence[int]) -> float:
+def slowest_vibration_hz(
+    plant: control.StateSpace, tracked: Sequence[int], shown_hz: float = 0.0
+) -> float:
     """Return the frequency of the slowest vibration, Hz; infinite without one.
 
     It is one of the free plant, or one with as many tracked outputs as inputs held: the faster they
     are controlled, the nearer do poles of the loop come to these zeros (the arm then swings as if
-    its hub was clamped).
+    its hub was clamped). Pairs and zeros below `shown_hz` are left out, as by `vibrations`.
     """
     values = np.linalg.eigvals(plant.A).astype(complex)
-    vibrating = _vibrating(np.append(values, _zeros(plant, tracked)))
+    vibrating = _vibrating(np.append(values, _zeros(plant, tracked)), _speed(plant, shown_hz))
     speeds = [abs(np.log(value)) for value in vibrating]
     return float(min(speeds, default=np.inf) / (2.0 * np.pi * plant.dt))
 
@@ -217,6 +225,7 @@ def choose_bandwidth(
     *,
     robustness: float,
     limits: FloatArray,
+    shown_hz: float = 0.0,
 ) -> Choice:
     """Return the design with the largest bandwidth whose worst disk margin meets a bound.
 
@@ -234,14 +243,16 @@ def choose_bandwidth(
         Least disk margin, with each plant and its `variations`.
     limits : ndarray, (inputs,)
         Largest inputs.
+    shown_hz : float
+        Frequency below which a pair does not count as a vibration; see `vibrations`.
 
     Raises
     ------
     SettingError
-        When no bandwidth stabilises all plants.
+        When no bandwidth stabilises all plants, or only with next to no margin.
     """
-    highest_hz, reason = _highest(plants, tracked)
-    every = _all(plants)
+    highest_hz, reason = _highest(plants, tracked, shown_hz)
+    every = _all(plants, shown_hz)
     made: list[Choice] = []
     best, least_hz = None, highest_hz / _RANGE
     for through in FILTERS:
@@ -333,6 +344,8 @@ def _most_robust(
                 f"no stabilising design: with {name} the loop is unstable at every bandwidth; "
                 "identify the plant again, or give models that are nearer to each other"
             )
+        if best.margins[name].disk < _LEAST:
+            raise SettingError(_no_margin(name, best.margins[name]))
     name, margin = best.worst
     most = f"the largest is {margin.disk:.2f}" if margin.disk else "the loop is unstable"
     return replace(
@@ -343,9 +356,19 @@ def _most_robust(
     )
 
 
-def _highest(plants: Mapping[str, control.StateSpace], tracked: Sequence[int]) -> tuple[float, str]:
+def _no_margin(name: str, margin: LoopMargin) -> str:
+    return (
+        f"no stabilising design: the disk margin with {name} is {margin.disk:.1g} at most, which "
+        "no plant keeps to; a zero nearly cancels an unstable pole, or the pole is too fast for "
+        "the rate and the delay: measure another output, or sample faster"
+    )
+
+
+def _highest(
+    plants: Mapping[str, control.StateSpace], tracked: Sequence[int], shown_hz: float
+) -> tuple[float, str]:
     """Return the largest bandwidth that is tried, and why."""
-    vibration_hz = min(slowest_vibration_hz(plant, tracked) for plant in plants.values())
+    vibration_hz = min(slowest_vibration_hz(plant, tracked, shown_hz) for plant in plants.values())
     rate_hz = 1.0 / float(next(iter(plants.values())).dt)
     if vibration_hz / BELOW_VIBRATION < rate_hz / _SAMPLES:
         return (
@@ -361,15 +384,22 @@ def at_bandwidth(
     bandwidth_hz: float,
     *,
     limits: FloatArray,
+    shown_hz: float = 0.0,
 ) -> Choice:
     """Return the design for a bandwidth that was said; arguments as in `choose_bandwidth`.
 
     Raises
     ------
     SettingError
-        When it does not hold one of the plants.
+        When it is above half of the rate, or does not hold one of the plants.
     """
-    every = _all(plants)
+    half_hz = 0.5 / float(next(iter(plants.values())).dt)
+    if not bandwidth_hz < half_hz:
+        raise SettingError(
+            f"--bandwidth {bandwidth_hz:g} Hz: must be below half of the rate, {half_hz:g} Hz; say "
+            "a smaller one, or auto"
+        )
+    every = _all(plants, shown_hz)
     tries = [_Tries(every, tracked, limits, 0.0, through) for through in FILTERS]
     made = [found for each in tries if (found := each.design(bandwidth_hz)) is not None]
     if not made:
@@ -397,25 +427,36 @@ def _designed(
     return Choice(found, {name: loop_margin(found, plant) for name, plant in plants.items()})
 
 
-def _all(plants: Mapping[str, control.StateSpace]) -> dict[str, control.StateSpace]:
+def _all(
+    plants: Mapping[str, control.StateSpace], shown_hz: float
+) -> dict[str, control.StateSpace]:
     return {
         said: each
         for name, plant in plants.items()
-        for said, each in variations(name, plant).items()
+        for said, each in variations(name, plant, shown_hz).items()
     }
 
 
-def vibrations(plant: control.StateSpace) -> list[complex]:
-    """Return the eigenvalues of vibrations with positive imaginary part."""
-    return _vibrating(np.linalg.eigvals(plant.A).astype(complex))
+def vibrations(plant: control.StateSpace, shown_hz: float = 0.0) -> list[complex]:
+    """Return the eigenvalues of vibrations with positive imaginary part.
+
+    A pair below `shown_hz` is left out: a record with fewer than `FEWEST_PERIODS` of it does not
+    show whether it vibrates, creeps or stands for friction.
+    """
+    return _vibrating(np.linalg.eigvals(plant.A).astype(complex), _speed(plant, shown_hz))
 
 
-def _vibrating(values: ComplexArray) -> list[complex]:
+def _speed(plant: control.StateSpace, frequency_hz: float) -> float:
+    """Return a frequency in radians a sample."""
+    return 2.0 * np.pi * frequency_hz * float(plant.dt)
+
+
+def _vibrating(values: ComplexArray, slowest: float) -> list[complex]:
     """Return those of some eigenvalues or zeros that vibrate, with positive imaginary part."""
     found = []
     for value in values.tolist():
         speed = np.log(value) if value.imag > 0.0 else 0.0
-        if value.imag > 0.0 and -speed.real < VIBRATES * abs(speed):
+        if value.imag > 0.0 and -speed.real < VIBRATES * abs(speed) and abs(speed) >= slowest:
             found.append(value)
     return found
 

@@ -7,6 +7,7 @@ import math
 import control
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from flexarm_control.servo import robustness
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
@@ -28,6 +29,8 @@ from flexarm_control.servo.robustness import (
     sensitivities,
     slowest_vibration_hz,
     variations,
+    vibrations,
+    with_modes,
 )
 from flexarm_core.errors import SettingError
 from support.servo_plants import DT_S, bending_arm, sampled, two_joints
@@ -269,6 +272,63 @@ def test_design_servo___hidden_unstable_mode___is_refused_as_a_cancellation(side
     model = control.StateSpace(np.diag([0.9, 1.02]), B, C, 0.0, DT_S, outputs=["y"])
 
     assert f"no {side}" in _refused(model, "y")
+
+
+def test_design_servo___pole_that_a_zero_nearly_cancels___is_refused() -> None:
+    # The loop is stable on paper; a gain that is .1 % off ends that.
+    model = control.StateSpace(
+        np.diag([0.9, 1.02]), [[1.0], [1e-3]], [[1.0, 1.0]], 0.0, DT_S, outputs=["y"]
+    )
+
+    assert "nearly cancels an unstable pole" in _refused(model, "y")
+
+
+def test_design_servo___bandwidth_beyond_the_rate___is_refused() -> None:
+    assert "half of the rate, 250 Hz" in _refused(bending_arm(), "hub", bandwidth_hz=300.0)
+
+
+def test_design_servo___pair_slower_than_the_record___is_no_vibration() -> None:
+    arm = bending_arm()
+    drift = np.exp(2.0 * np.pi * 0.02 * DT_S * complex(-0.05, 1.0))
+    model = control.StateSpace(
+        block_diag(arm.A, [[drift.real, drift.imag], [-drift.imag, drift.real]]),
+        np.vstack([arm.B, [[1e-4], [0.0]]]),
+        np.hstack([arm.C, [[1.0, 0.0], [0.0, 0.0]]]),
+        0.0,
+        DT_S,
+        inputs=arm.input_labels,
+        outputs=arm.output_labels,
+    )
+    ends = {"input_low": [-1.0], "input_high": [1.0]}
+    ends |= {"output_low": [-1.0, -1.0], "output_high": [1.0, 1.0]}
+
+    source = Source("arm", model, facts={**ends, "record_s": [10.0]})
+    design = design_servo([source], ServoRequest(("hub",), {}))
+
+    # A record of 10 s has a fifth of a period, one of 1000 s has twenty.
+    alone = slowest_vibration_hz(loop_plant(arm), [0])
+    plant = loop_plant(model)
+    assert slowest_vibration_hz(plant, [0], source.shown_hz) == pytest.approx(alone, rel=0.01)
+    assert slowest_vibration_hz(plant, [0], 0.003) == pytest.approx(0.02, rel=0.1)
+    assert design.gains.bandwidth_hz > 0.5
+
+
+def test_design_servo___several_models___have_the_margin_with_each() -> None:
+    arm = bending_arm()
+    (mode,) = vibrations(arm)
+    slower = with_modes(arm, {mode: 0.7 + 0.0j})
+    sources = [Source("empty", arm), Source("loaded", slower)]
+    request = ServoRequest(("hub",), {"torque": 3.0})
+
+    both, first = design_servo(sources, request), design_servo(sources[:1], request)
+
+    found = both.choice.regulator
+    for name, model in (("empty", arm), ("loaded", slower)):
+        for said, plant in variations(name, loop_plant(model)).items():
+            assert both.choice.margins[said].disk == pytest.approx(loop_margin(found, plant).disk)
+            assert both.choice.margins[said].disk >= 0.5
+    assert both.gains.disk_margin == pytest.approx(min(both.choice.ranked))
+    assert both.gains.bandwidth_hz < first.gains.bandwidth_hz
 
 
 def test_design_servo___bandwidth_that_a_second_model_does_not_bear___is_refused() -> None:
