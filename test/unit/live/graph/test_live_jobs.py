@@ -71,10 +71,10 @@ def test_job___done_failed_or_cancelled___tells_its_end_once() -> None:
 
 
 def test_job___cancelled_twice___ends_well_once() -> None:
-    ended = []
+    ended, may_end = [], asyncio.Event()
 
     async def back() -> None:
-        await asyncio.sleep(0.05)
+        await may_end.wait()
         ended.append(1)
 
     async def work(report: Report) -> Mapping[str, Any]:  # noqa: ARG001
@@ -92,6 +92,7 @@ def test_job___cancelled_twice___ends_well_once() -> None:
             await asyncio.sleep(0.01)
         assert jobs.has("experiment")
         assert not ended
+        may_end.set()
 
     told: list[Mapping[str, Any]] = []
     asyncio.run(told_by(start, told))
