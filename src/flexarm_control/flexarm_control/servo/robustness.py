@@ -369,13 +369,16 @@ def _highest(
 ) -> tuple[float, str]:
     """Return the largest bandwidth that is tried, and why."""
     vibration_hz = min(slowest_vibration_hz(plant, tracked, shown_hz) for plant in plants.values())
+    attainable = min(attainable_hz(plant, tracked) for plant in plants.values())
     rate_hz = 1.0 / float(next(iter(plants.values())).dt)
-    if vibration_hz / BELOW_VIBRATION < rate_hz / _SAMPLES:
-        return (
+    return min(
+        (
             vibration_hz / BELOW_VIBRATION,
             f"the slowest vibration, {vibration_hz:.3g} Hz: a faster loop would excite it",
-        )
-    return rate_hz / _SAMPLES, f"the rate, {rate_hz:.4g} Hz: {_SAMPLES:.0f} samples for a period"
+        ),
+        (attainable, f"a zero outside the unit circle at {2.0 * attainable:.3g} Hz"),
+        (rate_hz / _SAMPLES, f"the rate, {rate_hz:.4g} Hz: {_SAMPLES:.0f} samples for a period"),
+    )
 
 
 def at_bandwidth(
