@@ -49,7 +49,7 @@ def commission(graph: Graph, rig: Path, out: Path) -> Process:
 def test_commission___killed___goes_on_to_a_controller(graph: Graph, tmp_path: Path) -> None:
     rig, out = rig_of(tmp_path), tmp_path / "out"
     process = commission(graph, rig, out)
-    process.wait_for("10 % friction")
+    process.wait_for("Slow motion in a soft position loop")
     process.send(signal.SIGKILL)
     process.exit_code()
     graph.wait(lambda: not graph.survivors(), "the end of the nodes")
