@@ -369,16 +369,13 @@ def _highest(
 ) -> tuple[float, str]:
     """Return the largest bandwidth that is tried, and why."""
     vibration_hz = min(slowest_vibration_hz(plant, tracked, shown_hz) for plant in plants.values())
-    attainable = min(attainable_hz(plant, tracked) for plant in plants.values())
     rate_hz = 1.0 / float(next(iter(plants.values())).dt)
-    return min(
-        (
+    if vibration_hz / BELOW_VIBRATION < rate_hz / _SAMPLES:
+        return (
             vibration_hz / BELOW_VIBRATION,
             f"the slowest vibration, {vibration_hz:.3g} Hz: a faster loop would excite it",
-        ),
-        (attainable, f"a zero outside the unit circle at {2.0 * attainable:.3g} Hz"),
-        (rate_hz / _SAMPLES, f"the rate, {rate_hz:.4g} Hz: {_SAMPLES:.0f} samples for a period"),
-    )
+        )
+    return rate_hz / _SAMPLES, f"the rate, {rate_hz:.4g} Hz: {_SAMPLES:.0f} samples for a period"
 
 
 def at_bandwidth(
