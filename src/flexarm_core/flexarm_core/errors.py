@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import traceback
+from pathlib import Path
 
 # A library's error may quote what it could not read.
 _LONGEST = 1000
@@ -41,6 +43,12 @@ def one_line(error: BaseException) -> str:
         said = reason(error) if error.filename is None else f"{error.filename}: {reason(error)}"
     text = " ".join(said[: 2 * _LONGEST].split()) or type(error).__name__
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} ..."
+
+
+def with_place(error: BaseException) -> str:
+    """Return kind, text and place of an error of somebody's code in one line."""
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {one_line(error)} ({Path(place.filename).name}:{place.lineno})"
 
 
 def reason(error: BaseException) -> str:

@@ -136,7 +136,8 @@ class Section:
         """Return a text that is not empty, but for the default."""
         value = self._value(name, default)
         if not isinstance(value, str) or (name in self and not value.strip()):
-            self.refuse(f"{self._full(name)} = {shown(value)} must be a text", name)
+            quoted = f': write "{value}"' if isinstance(value, int | float) else ""
+            self.refuse(f"{self._full(name)} = {shown(value)} must be a text{quoted}", name)
         if not value.isprintable():
             self.refuse(
                 f"{self._full(name)} = {shown(value)} must be one line of printable characters",

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-import traceback
 from abc import abstractmethod
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from flexarm_core.errors import SettingError, one_line
+from flexarm_core.errors import SettingError, one_line, with_place
 from flexarm_core.rig_description import load_rig
 from flexarm_core.tables import read_table
 from flexarm_node import collector
@@ -296,11 +294,7 @@ class LoopNode(LifecycleNode):
             self._ended.trigger()
 
     def _reason(self, error: Exception) -> str:
-        text = one_line(error)
-        if isinstance(error, self._expected):
-            return text
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        return f"{type(error).__name__}: {text} ({Path(place.filename).name}:{place.lineno})"
+        return one_line(error) if isinstance(error, self._expected) else with_place(error)
 
     def _tell(self, trouble: str) -> None:
         """Log trouble once and keep it for the diagnostics, until the next activation."""

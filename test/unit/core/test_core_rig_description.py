@@ -90,7 +90,7 @@ BAD = {
     "rate_hz = True must be a finite number": ("rate_hz: 500", "rate_hz: yes", 2),
     "rate_hz = nan must be a finite number": ("rate_hz: 500", "rate_hz: .nan", 2),
     "rate is not known (nearest: rate_hz)": ("rate_hz: 500", "rate_hz: 500\nrate: 5", 3),
-    "name = 3 must be a text": ("name: two_link", "name: 3", 1),
+    'name = 3 must be a text: write "3"': ("name: two_link", "name: 3", 1),
     "inputs.shoulder_a.quantity = 'curent' is not known (nearest: current)": (
         "quantity: current",
         "quantity: curent",

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.bounds import shown
+from flexarm_core.errors import with_place
 from flexarm_daq.rigs.rig_protocol import RigError, has_own_clock, has_virtual_time
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_core.rig_description import Output, RigDescription
-    from flexarm_daq.rigs.rig_protocol import Rig
+    from flexarm_daq.rigs.rig_protocol import Rig, RigSample
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,22 @@ def read_at_rest(rig: Rig, description: RigDescription, duration_s: float) -> Re
         rig.close()
 
 
+def _read(rig: Rig) -> RigSample:
+    """Return the next sample; an error of a driver of one's own names the line that raised it."""
+    try:
+        sample = rig.read()
+    except RigError:
+        raise
+    except Exception as error:
+        raise RigError(f"read() of the driver failed: {with_place(error)}") from error
+    if not hasattr(sample, "outputs"):
+        raise RigError(
+            f"read() of the driver returned {shown(sample)}: it must return a "
+            "RigSample(time_s, outputs)"
+        )
+    return sample
+
+
 def readings_of(rig: Rig, description: RigDescription, duration_s: float) -> RestReading:
     """Read an open rig for a while.
 
@@ -71,7 +89,7 @@ def readings_of(rig: Rig, description: RigDescription, duration_s: float) -> Res
     for k in range(samples):
         if paced:
             time.sleep(max(0.0, begun_s + k / description.rate_hz - time.monotonic()))
-        sample = rig.read()
+        sample = _read(rig)
         if np.shape(sample.outputs) != raw[k].shape:
             raise RigError(
                 f"the driver reads {np.size(sample.outputs)} channels, and rig {description.name} "

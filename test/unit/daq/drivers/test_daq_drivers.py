@@ -152,3 +152,24 @@ def test_driver_that_stops_at_zero___with_an_input_that_rests_elsewhere___is_ref
     aside = described(rig(driver).text.replace("limits: 1", "limits: [1, 9], rest: 5"))
     with pytest.raises(SettingError, match=f"the driver {driver} stops .* and u rests at 5 x"):
         driven(aside, folder)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("return self.levels", r"read\(\) of the driver failed: AttributeError: .*levels.* \(mine"),
+        ("return [1.0, 2.0]", r"read\(\) of the driver returned \[1\.0, 2\.0\]: .*RigSample\("),
+        ("raise OSError('cable off')", r"failed: OSError: cable off \(mine\.py:\d+\)"),
+    ],
+)
+def test_read_at_rest___mistake_in_a_driver___names_its_line(
+    folder: Path, line: str, said: str
+) -> None:
+    reading = (
+        "return RigSample(time.monotonic() - self.begun_s, np.full(self.channels, self.level))"
+    )
+    (folder / "mine.py").write_text(DRIVER.replace(reading, line))
+    description = rig("mine.py:Mine", "{}")
+    with pytest.raises(RigError, match=said) as refused:
+        read_at_rest(driven(description, folder), description, 0.2)
+    assert "\n" not in str(refused.value)
