@@ -80,18 +80,19 @@ def main(folder: Path, *, grid: bool, json_file: Path | None, install_peers: boo
     files = sorted(folder.glob("*.csv"))
     if not files:
         raise click.ClickException(f"{folder}: no CSV file is there")
-    rows = run_trials(measured, [(file, grid) for file in files])
+    pythons = interpreters()
+    rows = run_trials(measured, [(file, grid, pythons) for file in files])
     write_json(json_file, rows)
     terminal.show_table(table(rows))
     good = sum(row.ratio <= CLOSE for row in rows)
     terminal.CONSOLE.print(f"ahead of the best peer or within 5 %: {good} of {len(rows)}")
-    if missing := set(_PEERS) - set(interpreters()):
+    if missing := set(_PEERS) - set(pythons):
         terminal.CONSOLE.print(f"not installed: {', '.join(sorted(missing))}; --install-peers")
 
 
-def measured(case: tuple[Path, bool]) -> Row:
-    """Return the row of one file."""
-    file, grid = case
+def measured(case: tuple[Path, bool, dict[str, str]]) -> Row:
+    """Return the row of one file, by the Python of each installed peer."""
+    file, grid, pythons = case
     first, second = halves(read_csv(file, TableColumns(*guessed_columns(file, (), ()))))
     default, model = np.inf, "none"
     try:
@@ -100,7 +101,6 @@ def measured(case: tuple[Path, bool]) -> Row:
     except FlexarmError as error:
         model = str(error)
     peers = {"arx": judged(arx(first), second)}
-    pythons = interpreters()
     for peer in _PEERS:
         if peer in pythons:
             peers[peer] = _peer(peer, pythons, first, second)

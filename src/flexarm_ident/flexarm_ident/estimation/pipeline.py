@@ -167,6 +167,10 @@ class _Fit(NamedTuple):
             return first, likeliest
         if not self._is_open:
             return first, self._linear(first, feedthrough=feedthrough)
+        return self._weighed(first, feedthrough=feedthrough)
+
+    def _weighed(self, first: Choice, *, feedthrough: bool) -> tuple[Choice, Identification]:
+        """Return the choice among all estimators and orders, and its model."""
         chosen = weigh(
             *(first, self.records, self.excerpts),
             block_rows=self.block_rows,
@@ -185,13 +189,16 @@ class _Fit(NamedTuple):
         They do where it leaves nothing but noise, which the model without it does not, or where it
         improves the simulation, see `calls_for_feedthrough`.
         """
+        first = None
         if self._is_open and found.likelihood is None:
-            _, likeliest = self._likeliest(feedthrough=True)
+            first, likeliest = self._likeliest(feedthrough=True)
             if likeliest is not None:
                 return likeliest
-        if calls_for_feedthrough(chosen, self.excerpts, stable=self.stable):
+        if not calls_for_feedthrough(chosen, self.excerpts, stable=self.stable):
+            return found
+        if first is None:
             return self.model(feedthrough=True)[1]
-        return found
+        return self._weighed(first, feedthrough=True)[1]
 
     @property
     def _is_open(self) -> bool:

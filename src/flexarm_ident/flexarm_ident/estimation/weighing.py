@@ -256,11 +256,7 @@ class Weighed:
             return None
         with suppress(FlexarmError):  # too unstable to simulate
             found = cross_validate(
-                *(
-                    records,
-                    blocks,
-                    lambda space: space.matrices(made.order),
-                ),
+                *(records, blocks, lambda space: space.matrices(made.order)),
                 row.ways if self._stable else (),
                 feedthrough=feedthrough,
                 noise_weighted=False,
