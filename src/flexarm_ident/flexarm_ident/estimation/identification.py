@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     )
     from flexarm_ident.estimation.cross_validation import CrossValidation
     from flexarm_ident.estimation.physical_modes import JudgedMode
+    from flexarm_ident.estimation.weighing import WeighedModel
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.friction.levels import CoulombEstimate
     from flexarm_ident.likelihood.maximum_likelihood import LikelihoodFit
@@ -96,6 +97,9 @@ class Identification:
         Length of each record that was fitted.
     choice : str
         Choice of 'auto' and its reason, in one sentence; empty when the method was given.
+    weighed : tuple of WeighedModel
+        Models that method and order were chosen from, the best score first; empty where they were
+        given, or where the first model misses nothing but noise.
     start_error : ndarray, (outputs,) or None
         `fit_error` of the subspace model that a model fitted by simulation replaced. Both leave out
         samples without a working sensor.
@@ -122,6 +126,7 @@ class Identification:
     records: tuple[IoData, ...] = field(repr=False)
     samples: tuple[int, ...] = field(repr=False)
     choice: str = ""
+    weighed: tuple[WeighedModel, ...] = ()
     start_error: FloatArray | None = None
     likelihood: LikelihoodFit | None = None
     friction: DryFriction | None = None

@@ -264,7 +264,7 @@ def _linear_model(
     feedthrough: bool,
 ) -> Identification:
     """Return the model of the chosen order, without the records."""
-    selection, order = chosen
+    selection, order, weighed = chosen
     model, fit, moved, way = fitted(
         selection,
         order,
@@ -301,6 +301,7 @@ def _linear_model(
         records=(),
         samples=tuple(len(record) for record in records),
         choice=selection.reason,
+        weighed=weighed,
     )
 
 
@@ -335,7 +336,7 @@ def calls_for_feedthrough(chosen: Choice, records: Sequence[IoData], *, stable: 
     stable : bool
         Whether unstable eigenvalues are moved.
     """
-    selection, order = chosen
+    selection, order, _ = chosen
     pieces = spread(records)
     try:
         without, direct = (

@@ -58,7 +58,7 @@ _PIECES = 4
 _RECORDS = 8
 # Errors in units of the smallest.
 TOLERANCE = 1.03
-_TOLERANCE_IN_FEEDBACK = 1.35
+TOLERANCE_IN_FEEDBACK = 1.35
 _STANDARD_ERRORS = 2.0
 # Weight of the expected error beside that on left-out blocks.
 _WEIGHT = 2.0
@@ -68,11 +68,31 @@ _HOPELESS = 2.0
 _SMALLEST_ERROR = 1e-6
 
 
+class WeighedModel(NamedTuple):
+    """Row of the table of what was weighed.
+
+    `error` is the mean relative simulation error over the data of the fit, `left_out` that over
+    blocks that the fit left out, NaN where they were not asked for or cannot be made. `score` is
+    infinite for a model that was not considered further.
+    """
+
+    method: str
+    order: int
+    error: float
+    left_out: float
+    score: float
+    chosen: bool
+
+
 class Choice(NamedTuple):
-    """Estimator with its result and the reason for it, and the order of the model."""
+    """Estimator with its result and the reason for it, the order, and what both were chosen from.
+
+    `weighed` has the best score first, and is empty where nothing was weighed.
+    """
 
     selection: Selection
     order: int
+    weighed: tuple[WeighedModel, ...] = ()
 
 
 def weigh(
@@ -183,7 +203,7 @@ class Weighed:
     def first_stays(self) -> bool:
         """Whether the first choice is as good as the best of the others, or nearly so."""
         row = METHODS[self._first.selection.method]
-        tolerance = _TOLERANCE_IN_FEEDBACK if row.consistent_under_feedback else TOLERANCE
+        tolerance = TOLERANCE_IN_FEEDBACK if row.consistent_under_feedback else TOLERANCE
         found = self._found_first
         return found is not None and within_tolerance(
             self.score(found), self.score(self._best), tolerance
@@ -199,14 +219,25 @@ class Weighed:
                 f"{first.selection.reason}: {self._figures(self._found_first)}; best of "
                 f"{len(self._candidates)} models: {self._figures(best)} ({best.name})"
             )
-            return Choice(first.selection._replace(reason=reason), first.order)
+            return self._with_table(Choice(first.selection._replace(reason=reason), first.order))
         chosen = most_parsimonious([(each, self.score(each)) for each in self._candidates.values()])
         reason = (
             f"{chosen.name} was chosen of {len(self._candidates)} models: {self._figures(chosen)}; "
             f"{first.selection.method} of order {first.order}, which the one-step errors call for, "
             f"has {self._figures(self._found_first)}"
         )
-        return Choice(chosen.selection._replace(reason=reason), chosen.order)
+        return self._with_table(Choice(chosen.selection._replace(reason=reason), chosen.order))
+
+    def _with_table(self, chosen: Choice) -> Choice:
+        taken = (chosen.selection.method, chosen.order)
+        rows = [
+            WeighedModel(
+                *(*key, made.error, self._left_out.get(key, np.nan), self.score(made)),
+                chosen=key == taken,
+            )
+            for key, made in self._candidates.items()
+        ]
+        return chosen._replace(weighed=tuple(sorted(rows, key=lambda row: (row.score, row.error))))
 
     def score(self, made: Candidate) -> float:
         """Return the weighted geometric mean of the expected error and that on left-out blocks.

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from flexarm_ident import identify
 from flexarm_ident.diagnostics.stabilisation import Stabilisation
 from flexarm_ident.estimation.physical_modes import (
     JudgedMode,
@@ -13,7 +16,7 @@ from flexarm_ident.estimation.physical_modes import (
     standings,
 )
 from flexarm_ident.estimation.plots import plot_stabilisation
-from flexarm_ident.report.content.blocks import Subject, Words
+from flexarm_ident.report.content.blocks import Subject, Table, Words
 from flexarm_ident.report.content.wording import ranges
 from flexarm_ident.report.plots.order_plots import stabilisation_plot
 from flexarm_ident.report.sections.order import (
@@ -52,6 +55,31 @@ def test_order_section___words___tell_the_kinds_of_stability_apart(
         n for n in range(7, 12) if np.abs(np.linalg.eigvals(found.subspace.matrices(n).A)).max() < 1
     ]
     assert model.endswith(f"the models of these orders were stable: {ranges(stable) or 'none'}.")
+
+
+def test_order_section___weighed_models___are_in_a_table_from_which_each_can_be_asked_for() -> None:
+    # Sensors that are not linear leave more than noise, and models are weighed.
+    data = record(arm_model(), 1500, 1, noise=0.02)
+    bent = replace(data, y=data.y + 0.2 * np.abs(data.y))
+    outcome = run(bent, Request(block_rows=24, friction=False))
+    found = outcome.identification
+
+    (table,) = [
+        block
+        for block in SECTION.build(Subject(outcome, "arm", {}))
+        if isinstance(block, Table) and block.name == "weighed"
+    ]
+
+    assert [row[:2] for row in table.rows] == [(e.method, str(e.order)) for e in found.weighed]
+    assert len(set(table.rows)) == len(table.rows) > len({row[0] for row in table.rows}) > 1
+    (marked,) = (row for row, is_marked in zip(table.rows, table.marked, strict=True) if is_marked)
+    assert (
+        f"{marked[0]} of order {marked[1]} was chosen of {len(table.rows)} models" in found.choice
+    )
+    scores = [each.score for each in found.weighed]
+    assert scores == sorted(scores)
+    again = identify(outcome.records[0], method=marked[0], order=int(marked[1]), feedthrough=False)
+    assert np.mean(again.fit_error) == pytest.approx(float(marked[2]), rel=0.1)
 
 
 def test_recurring_table___two_physical_modes_at_one_place___are_no_two_modes_of_the_plant() -> (

@@ -150,33 +150,39 @@ def _places(poles: Sequence[Pole]) -> tuple[list[float], list[int]]:
     return [pole.frequency_hz for pole in poles], [pole.order for pole in poles]
 
 
-def cost_plot(curves: Mapping[str, Sequence[tuple[int, float]]], *, full: float, order: int) -> str:
-    """Plot the mean error of the simulation over the order of the reduced model.
+def cost_plot(
+    curves: Mapping[str, Sequence[tuple[int, float]]],
+    *,
+    order: int,
+    labels: tuple[str, str] = ("states kept", "mean error \u03b4"),
+    full: float | None = None,
+) -> str:
+    """Plot the cost of models over their order.
 
-    Errors of more than 1.5 are drawn at 1.5; 1 is that of the mean.
+    Costs of more than 1.5 are drawn at 1.5; 1 is the error of the mean.
 
     Parameters
     ----------
     curves : mapping of str to sequence of (int, float)
-        Orders and errors by the name of the curve, three at most.
-    full : float
-        Mean error of the full model, marked by a line.
+        Orders and costs by the name of the curve, three at most.
     order : int
         Order of the chosen model, marked by a line.
+    labels : tuple of str
+        Labels of the order and of the cost.
+    full : float, optional
+        Mean error of the full model, marked by a line.
     """
     limited = {
-        name: ([each for each, _ in costs], np.minimum([mean for _, mean in costs], _HIGHEST))
+        name: ([each for each, _ in costs], np.minimum([cost for _, cost in costs], _HIGHEST))
         for name, costs in curves.items()
     }
-    means = [each for _, each in limited.values()]
-    kept = [order, *(number for orders, _ in limited.values() for number in orders)]
-    x = Axis.of_counts("states kept", min(kept) - 0.5, max(kept) + 0.5)
-    y = Axis.around("mean error \u03b4", [[0.0, full], *means])
-    found = [
-        marks.horizontals([full], x, marks.RULE, "full model"),
-        marks.verticals([order], y, marks.CUT, f"order {order}"),
-    ]
-    for (name, (orders, mean)), (look, point) in zip(limited.items(), _LOOKS, strict=False):
-        found += [marks.line(orders, mean, look, name), marks.dots(orders, mean, point, name)]
-    words = f"mean error over states kept, {', '.join(curves)}"
+    shown = [order, *(number for orders, _ in limited.values() for number in orders)]
+    x = Axis.of_counts(labels[0], min(shown) - 0.5, max(shown) + 0.5)
+    y = Axis.around(labels[1], [[0.0, full or 0.0], *(cost for _, cost in limited.values())])
+    found = [marks.verticals([order], y, marks.CUT, f"order {order}")]
+    if full is not None:
+        found.insert(0, marks.horizontals([full], x, marks.RULE, "full model"))
+    for (name, (orders, cost)), (look, point) in zip(limited.items(), _LOOKS, strict=False):
+        found += [marks.line(orders, cost, look, name), marks.dots(orders, cost, point, name)]
+    words = f"{labels[1]} over {labels[0]}, {', '.join(curves)}"
     return chart(View(words, x, [Panel(y, found, _SIZE)]))

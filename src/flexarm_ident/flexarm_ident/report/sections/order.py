@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from flexarm_ident.estimation.physical_modes import (
@@ -14,13 +15,19 @@ from flexarm_ident.estimation.physical_modes import (
     standing_as,
     standings,
 )
-from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
-from flexarm_ident.report.content.wording import listed, ranges
-from flexarm_ident.report.plots.order_plots import singular_value_plot, stabilisation_plot
+from flexarm_ident.estimation.weighing import TOLERANCE, TOLERANCE_IN_FEEDBACK
+from flexarm_ident.report.content.blocks import Heading, Plots, Section, Table, Words
+from flexarm_ident.report.content.wording import error_text, listed, ranges
+from flexarm_ident.report.plots.order_plots import (
+    cost_plot,
+    singular_value_plot,
+    stabilisation_plot,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from flexarm_ident.estimation.identification import Identification
     from flexarm_ident.estimation.physical_modes import JudgedMode
     from flexarm_ident.report.content.blocks import Block, Subject
     from flexarm_ident.workflow.outcome import Outcome
@@ -47,6 +54,9 @@ def _build(subject: Subject) -> Iterator[Block]:
             ("Stabilisation diagram", diagram),
         )
     )
+    if found.weighed:
+        yield from _weighed(found)
+    yield Heading("Modes that recur over the orders")
     if not found.diagram.modes:
         yield Words("No mode recurs at enough orders to count as a mode of the plant.")
         return
@@ -87,6 +97,47 @@ def _why(outcome: Outcome) -> list[str]:
         f"{modes} A mode stays when the next smaller model has it too.",
         models,
     ]
+
+
+def _weighed(found: Identification) -> Iterator[Block]:
+    """Yield what method and order were chosen from: the scores, and every model with its errors."""
+    rows = found.weighed
+    taken = next(row for row in rows if row.chosen)
+    curves: dict[str, list[tuple[int, float]]] = {}
+    for row in sorted(rows, key=attrgetter("order")):
+        if math.isfinite(row.score):
+            curves.setdefault(row.method, []).append((row.order, row.score))
+    yield Heading("Models that were weighed")
+    made = (found.method, found.order) == (taken.method, taken.order)
+    refined = "" if made else f", and refined to order {found.order} ({found.title})"
+    percent, in_feedback = (
+        f"{100.0 * (tolerance - 1.0):.0f} %" for tolerance in (TOLERANCE, TOLERANCE_IN_FEEDBACK)
+    )
+    yield Words(
+        f"{taken.method} of order {taken.order} was chosen of these{refined}. The score is the "
+        "geometric mean of the error that is expected of other data, with twice the weight, and of "
+        "the error on blocks that were left out of the fit. The smallest order is chosen whose "
+        f"score exceeds the smallest by at most {percent}. Under feedback or friction the choice "
+        f"by the one-step errors stays up to {in_feedback}: there, a simulation also rewards a "
+        "model that imitates the noise or the friction."
+    )
+    yield Words(
+        "Every row can be asked for by its method and order, as in "
+        f"--method {rows[0].method} --order {rows[0].order}. Errors are means over the outputs "
+        "(2-25). A dash stands where the fit is too poor to be weighed further."
+    )
+    plot = cost_plot(curves, order=taken.order, labels=("order", "score"))
+    yield Plots((("Score", plot),))
+    cells = tuple(
+        (
+            *(row.method, str(row.order), error_text(row.error), error_text(row.left_out)),
+            error_text(row.score if math.isfinite(row.score) else math.nan),
+        )
+        for row in rows
+    )
+    header = ("Method", "Order", "Error", "Error, left-out blocks", "Score")
+    marked = tuple(row.chosen for row in rows)
+    yield Table("weighed", "Models that were weighed, the best score first", header, cells, marked)
 
 
 def pair_words(judged: Sequence[JudgedMode]) -> list[str]:
