@@ -40,8 +40,18 @@ _MORE_ADVICE = f"set {READ_VARIABLE} to more megabytes if you trust it"
 _NUMBER = re.compile(r"[-+.]?[0-9][^\s]*")
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 2, 80, 80
+
+
 # libyaml, where PyYAML has it, is ten times faster.
-_Loader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """Loader that reads 1e-5 and 1.5e3 as numbers, as YAML 1.2, JSON and ROS's parser do."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789"),
+)
 
 
 class BoundError(FlexarmError):

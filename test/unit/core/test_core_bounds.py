@@ -58,6 +58,16 @@ def test_yaml___sixty_four_levels_and_four_hundred_digits___are_read() -> None:
     assert yaml_content("1" * 400) == int("1" * 400)
 
 
+@pytest.mark.parametrize("text", ["1e-5", "-1E5", "1.5e3", "+.5e2", "2.e-1"])
+def test_yaml___number_with_an_exponent___is_a_number_as_for_ros(text: str) -> None:
+    assert yaml_content(f"noise: [{text}]") == {"noise": [float(text)]}
+
+
+@pytest.mark.parametrize("text", ["'1e-5'", "1e", "e5", "1e5m", "a1e5", "1e5-2"])
+def test_yaml___what_only_looks_like_a_number___is_text(text: str) -> None:
+    assert yaml_content(f"name: {text}") == {"name": text.strip("'")}
+
+
 def test_text___longer_than_allowed___is_refused(tmp_path: Path) -> None:
     file = tmp_path / "map.yaml"
     file.write_bytes(b"x" * 11)
