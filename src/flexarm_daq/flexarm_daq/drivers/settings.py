@@ -78,7 +78,7 @@ def settings_of(kind: type[_SettingsT], rig: RigDescription, **given: object) ->
     for name, value in rig.settings.items():
         if name not in known:
             raise SettingError(
-                f"the driver {rig.driver} has no setting {name}{nearest(name, known)}"
+                f"settings.{name} is not a setting of the driver {rig.driver}{nearest(name, known)}"
             )
         fits, said = _KINDS[str(known[name].type)]
         if not fits(value):

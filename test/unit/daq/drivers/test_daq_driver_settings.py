@@ -42,8 +42,8 @@ def test_settings___of_every_kind___are_taken_with_the_rest_at_its_defaults() ->
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ("{prt: a}", r"the driver wires has no setting prt \(nearest: port\)"),
-        ("{rate_hz: 5}", r"the driver wires has no setting rate_hz"),
+        ("{prt: a}", r"settings.prt is not a setting of the driver wires \(nearest: port\)"),
+        ("{rate_hz: 5}", r"settings.rate_hz is not a setting of the driver wires"),
         ("{port: a}", r"settings.pins is missing: the driver wires needs it"),
         ("{port: 5, pins: [b]}", r"settings.port = 5 must be a text"),
         ("{port: a, pins: b}", r"settings.pins = .*b.* must be a list of names"),

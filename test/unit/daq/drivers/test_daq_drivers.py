@@ -117,8 +117,15 @@ def test_driver___of_an_installed_package___is_found_by_its_entry_point(
         ),
         ("broken.py:Mine", "{}", r"broken.py, line 2: OSError: no such board"),
         ("simulated", "{seed: 1}", r"the thesis's arm, whose input is command_v: simulate another"),
-        ("nidaq", "{devise: Dev2}", r"the driver nidaq has no setting devise \(nearest: device\)"),
+        (
+            "nidaq",
+            "{devise: Dev2}",
+            r"settings.devise is not a setting of the driver nidaq \(nearest: device\)",
+        ),
         ("nidaq", "{device: ''}", r"names no board or channel"),
+        # The line of the setting, not of the driver.
+        ("serial", "\n  port: /dev/x\n  baud: fast", r"^rig.yaml:10: settings.baud = 'fast' must"),
+        ("serial", "\n  port: /dev/x\n  rate: 1", r"^rig.yaml:10: settings.rate is not a setting"),
     ],
 )
 def test_driver___that_cannot_be_made___is_refused_in_a_line(
