@@ -96,7 +96,7 @@ def select_method(
         return found._replace(reason=f"{method} was chosen: {because}")
 
     if closed_loop:
-        return chosen("pbsid", "a record was made in closed loop")
+        return chosen("pbsid", "closed loop, declared or tested")
     gram = block_gram(records, block_rows)
     if reaches_inputs(gram):
         return chosen(
