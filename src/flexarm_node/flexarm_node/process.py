@@ -23,6 +23,7 @@ from rclpy.utilities import try_shutdown
 
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.own_files import private_folder
+from flexarm_core.patience import slowness
 from flexarm_node.command_line import own_words, refuse_words
 from flexarm_node.parameter_files import wrong_words
 from flexarm_node.transport import set_up_middleware
@@ -37,6 +38,7 @@ ENDINGS = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM)
 reads what it prints."""
 _LOOK_S = 0.2
 _SHUTDOWN_S = 1.0
+# On an idle machine: on a busy one an end takes longer without a hang.
 _END_S = 10.0
 _MCL_CURRENT_AND_FUTURE = 3
 _NICE = 10
@@ -87,7 +89,7 @@ def bounded_end() -> Iterator[None]:
     Python could help.
     """
     with Path(os.devnull).open("w") as nowhere:
-        faulthandler.dump_traceback_later(_END_S, exit=True, file=nowhere)
+        faulthandler.dump_traceback_later(_END_S * slowness(), exit=True, file=nowhere)
         try:
             yield
         finally:
@@ -163,7 +165,7 @@ def run(
             try_shutdown()
         ending.ignore_more()
         # The middleware's last destructors run at the interpreter's end, and can hang as well.
-        signal.setitimer(signal.ITIMER_REAL, _END_S)
+        signal.setitimer(signal.ITIMER_REAL, _END_S * slowness())
     code = 1 if getattr(node, "failure", "") else 0
     if threading.active_count() > 1:
         _leave(code)

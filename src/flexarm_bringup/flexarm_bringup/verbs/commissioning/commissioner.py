@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -254,10 +255,13 @@ class Commissioner:
         terminal.CONSOLE.print(f"  {outcome.verdict}")
         band = self._programme.band
         known = accuracy(outcome, self._rig, (band.low_hz, band.high_hz))
-        terminal.CONSOLE.print(
-            f"  modes known to ±{100.0 * known.frequency:.2g} %, gains to angles to "
-            f"±{100.0 * known.gain:.2g} %"
-        )
+        figures = [
+            f"{name} known to ±{100.0 * value:.2g} %"
+            for name, value in (("modes", known.frequency), ("gains to angles", known.gain))
+            if not math.isnan(value)
+        ]
+        # The errors of a model with friction show none.
+        terminal.CONSOLE.print(f"  {', '.join(figures) or 'no ± of modes and gains is known'}")
         level = outcome.verdict.level
         hindrance = known.misses(self._state.settings["goal"])
         if level > Level.GOOD:
