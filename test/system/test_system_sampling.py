@@ -324,9 +324,10 @@ def test_real_time___500_hz_while_a_model_is_identified___records_every_sample(
     run = States(tmp_path / "run")
     assert len(run.sequence) == sampled.taken
     assert run.sequence[-1] == sampled.taken + sampled.missed >= 1000
-    late = (run.stamp_s - run.stamp_s[0]) * 500.0 - (run.sequence - 1)
-    # Each sample was taken in the period of its number, but for an interruption on the way to it.
-    assert np.mean((late > -0.1) & (late < 1.1)) > 0.99
+    late = run.stamp_s * 500.0 - run.sequence
+    # Each sample was taken in the period of its number, but for an interruption on the way to it:
+    # to any of them, the first one included.
+    assert np.mean(late - late.min() < 1.1) > 0.99
     graph.wait(answers[-1].done, "the last model")
     results = [answer.result() for answer in answers]
     assert all(result.success for result in results), results[0].message
