@@ -65,7 +65,8 @@ def test_report_command___has_the_options_of_identify() -> None:
 
 def test_report_command___reduces_and_leaves_one_file(graph: Graph, tmp_path: Path) -> None:
     out = tmp_path / "new" / "arm.html"
-    arguments = ("--order", "14", "--block-rows", "20", "--reduced-order", "8", "-o", str(out))
+    reduced = ("--reduction", "mrm", "--reduced-order", "8", "--update", "b")
+    arguments = ("--order", "14", "--block-rows", "20", *reduced, "-o", str(out))
     process = graph.run([str(ROOT / "flexarm"), "report", str(BAG), *arguments])
     assert process.exit_code() == 0, process.printed
     assert process.printed.splitlines()[-1] == f"report in {out}"

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from flexarm_bringup.console import terminal
@@ -263,7 +262,7 @@ def identify(
     _show(results, f"results in {out}{replaced}", as_called(_after(results, out)))
 
 
-@click.command(context_settings={"default_map": {"reduction": "mrm", "update": "b"}})
+@click.command()
 @click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o",
@@ -283,7 +282,6 @@ def identify(
     "report bags/c_dat3_0g bags/c_dat3_400g -o both.html",
     "report out/before out/after bags/c_dat3_0g",
     "report bags/c_dat3_0g --reduction mrmc --known-mode 9.4 --known-mode 24 --known-mode 45",
-    "report bags/quanser_2dsfl --reduction none",
 )
 def report(
     bags: tuple[Path, ...],
@@ -294,13 +292,10 @@ def report(
     force: bool,
     **options: Any,  # noqa: ANN401
 ) -> None:
-    """Identify, reduce by MRM, refit B; write one HTML file.
+    """Identify as the verb identify does; write one HTML file.
 
     Several bags or models are compared: each bag gives a model, tried on the records of all.
     """
-    asked = click.get_current_context().get_parameter_source("update")
-    if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
-        options["update"] = "none"
     if len(bags) == 1 and (bags[0] / job.MODEL_FILE).exists():
         raise click.UsageError(f"{bags[0]} is a model: name a bag beside it, to try it on")
     if out.suffix.lower() not in _PAGES:
