@@ -36,8 +36,8 @@ SOON_S = 2.0
 BAG = BAGS / "c_dat3_0g"
 STAGES = [
     "reading",
-    "gram",
-    "range space",
+    "Hankel matrices",
+    "subspace",
     "refinement",
     "order",
     "fit",

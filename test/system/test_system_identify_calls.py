@@ -41,7 +41,7 @@ class HangingJob:
     def __call__(self, *_: object, progress: Progress, **__: object) -> None:
         if not self.hangs:
             raise IdentificationError("worked on")
-        progress("gram", 0.1)
+        progress("Hankel matrices", 0.1)
         try:
             self.let_go.wait(120.0)
             progress("writing", 1.0)
@@ -85,7 +85,7 @@ class Caller:
     def is_at_work(self) -> bool:
         """Return whether the job has come to where it hangs."""
         at_work = self.ident._at_work
-        return at_work is not None and at_work.job.stage == "gram"
+        return at_work is not None and at_work.job.stage == "Hankel matrices"
 
     def close(self) -> None:
         self.work.let_go.set()
@@ -127,7 +127,9 @@ def test_hundred_calls_at_once___are_all_answered(caller: Caller) -> None:
     answers = [answer_of(future) for future in futures]
     assert not any(answer.success for answer in answers)
     for answer in answers:
-        assert answer.message.startswith("busy with another identification (run1, gram, ")
+        assert answer.message.startswith(
+            "busy with another identification (run1, Hankel matrices, "
+        )
         assert "no call is queued" in answer.message
     assert not at_work.done()
 
@@ -138,10 +140,12 @@ def test_job_that_hangs___is_given_up_when_cancelled___and_can_write_nothing(
     hanging = caller.begin()
     told = answer_of(caller.canceller.call_async(Trigger.Request()))
     assert told.success
-    assert told.message.startswith("cancelled: run1, gram, ")
+    assert told.message.startswith("cancelled: run1, Hankel matrices, ")
     answer = answer_of(hanging)
     assert not answer.success
-    assert answer.message.startswith("cancelled in gram, which does not stop and is left behind")
+    assert answer.message.startswith(
+        "cancelled in Hankel matrices, which does not stop and is left behind"
+    )
 
     caller.work.hangs = False
     assert answer_of(caller.identify()).message == "worked on"

@@ -94,7 +94,7 @@ def test_command___with_exports___shows_stages_and_writes_the_files(
         *("--update", "b", "--export", "json,mat,h", "-o", str(out)),
     )
     assert process.exit_code() == 0, process.printed
-    stages = ["reading", "gram", "reduction", "validation", "writing"]
+    stages = ["reading", "Hankel matrices", "reduction", "validation", "writing"]
     places = [process.printed.index(f"  {stage}\n") for stage in stages]
     assert places == sorted(places)
     models = ["model.yaml", "model.json", "model.mat", "model.h"]
@@ -107,7 +107,7 @@ def test_command___interrupted___leaves_no_folder(graph: Graph, tmp_path: Path) 
     # Six records keep it at work for longer than a busy machine keeps this test from looking.
     others = [copytree(BAG, tmp_path / f"run{number}") for number in range(5)]
     process = command(graph, *map(str, others), "-o", str(tmp_path / "place" / "out"))
-    eventually(lambda: "gram" in process.printed, "the work")
+    eventually(lambda: "Hankel matrices" in process.printed, "the work")
     process.send(signal.SIGINT)
     assert process.exit_code() == 130
     assert process.printed.splitlines()[-1] == "flexarm: interrupted"

@@ -54,8 +54,8 @@ REPORT_FILE = "report.html"
 # End of each stage as a part of the whole: rough shares of the time.
 _ENDS = {
     "reading": 0.05,
-    "gram": 0.1,
-    "range space": 0.12,
+    "Hankel matrices": 0.1,
+    "subspace": 0.12,
     "order": 0.3,
     "fit": 0.35,
     "friction": 0.6,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 STEP_NS = 10_000_000
 STAGES = (
-    *("reading", "gram", "range space", "order", "fit", "friction", "refinement"),
+    *("reading", "Hankel matrices", "subspace", "order", "fit", "friction", "refinement"),
     *("reduction", "validation", "writing"),
 )
 QUICK = Request(order=4, block_rows=10, method="orse", reduction="mrm", reduced_order=4)

@@ -119,7 +119,7 @@ def identify(
         block_rows = suitable_block_rows(records, order, method)
     check_request(records, order, block_rows, method)
     check_channels(excerpts)
-    report("gram", 0.0)
+    report("Hankel matrices", 0.0)
 
     fit = _Fit(
         records, excerpts, method, order, singular_value_threshold, block_rows, stable, report
@@ -229,7 +229,7 @@ class _Fit(NamedTuple):
                 feedthrough=feedthrough,
             )
         )
-        self.progress("range space", 1.0)
+        self.progress("subspace", 1.0)
         order = self.order
         if order is None and self.threshold is not None:
             order = order_above(self.threshold, selection.space)

@@ -191,7 +191,7 @@ def test_identify___progress___ends_with_the_fit() -> None:
         method="orse",
     )
     stages = [stage for stage, _ in seen]
-    assert stages[0] == "gram"
+    assert stages[0] == "Hankel matrices"
     assert seen[-1] == ("fit", 1.0)
     assert ("order", 1.0) in seen
     assert all(0.0 <= part <= 1.0 for _, part in seen)
