@@ -50,6 +50,7 @@ NEWER = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_modules___load_only_what_the_oldest_python_has() -> None:
     loaded = {module.name: NEWER & module.loaded for module in MODULES}
     assert {name: names for name, names in loaded.items() if names} == {}
@@ -72,6 +73,7 @@ def arrows() -> Arrows:
     return module_arrows(MODULES)
 
 
+@pytest.mark.slow
 def test_modules___import___without_a_circle() -> None:
     assert len(MODULES) > 100
     assert circle(module_arrows(MODULES, types=True)) == []

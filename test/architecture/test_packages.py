@@ -96,11 +96,13 @@ def is_setup(node: ast.AST) -> TypeGuard[ast.Call]:
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))
+@pytest.mark.slow
 def test_package___declares___what_it_imports_and_nothing_else(package: Path) -> None:
     assert declared(package, DEPENDS) == keys(imported(package))
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))
+@pytest.mark.slow
 def test_setup___requires___what_rosdep_has_no_key_for(package: Path) -> None:
     lines = (PROJECT / "requirements" / "base.in").read_text("utf-8").splitlines()
     bounds = {found[1]: found[2] for line in lines if (found := re.match(r"([\w-]+)(\S+)", line))}
@@ -109,6 +111,7 @@ def test_setup___requires___what_rosdep_has_no_key_for(package: Path) -> None:
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))
+@pytest.mark.slow
 def test_package___declares___the_tools_of_its_unit_tests(package: Path) -> None:
     tests = PROJECT / "test" / "unit" / package.name.removeprefix("flexarm_")
     tools = imported(tests) & {"pytest", "hypothesis"}

@@ -88,6 +88,7 @@ def run_without_ros(*modules: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_computing_modules___are_imported_without_ros() -> None:
     modules = computing_modules()
     assert {

@@ -52,6 +52,7 @@ def test_states_without_a_header___are_told(tmp_path: Path) -> None:
     ) in problems
 
 
+@pytest.mark.slow
 def test_types_that_double_at_each_level___are_refused() -> None:
     nested = [f"x/msg/A{k}" for k in range(40)]
     definitions: dict[str, Any] = {

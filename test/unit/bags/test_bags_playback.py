@@ -94,6 +94,7 @@ def test_messages___loop___start_again_where_the_bag_ends(tmp_path: Path) -> Non
     rate=st.floats(0.01, 100.0),
     loop=st.booleans(),
 )
+@pytest.mark.slow
 def test_messages___any_bag___due_times_never_decrease(
     tmp_path_factory: pytest.TempPathFactory, times_ns: list[int], rate: float, *, loop: bool
 ) -> None:

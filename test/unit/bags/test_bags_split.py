@@ -113,6 +113,7 @@ def test_split___by_size___begins_a_file_after_a_flush_beyond_it(
     assert content(path) == content(write_bag(tmp_path / "one", messages))
 
 
+@pytest.mark.slow
 def test_readers___of_a_split_bag___find_every_message_once(
     split: Path, tmp_path: Path, messages: list[Sent]
 ) -> None:

@@ -51,6 +51,7 @@ def test_judged___true_model___misses_nothing() -> None:
     assert judged(model, record(model, 600, seed=1)) < 1e-6
 
 
+@pytest.mark.slow
 def test_bench_real___folder_of_two_records___has_a_row_for_each(tmp_path: Path) -> None:
     for seed in (1, 2):
         u = square_wave(700, seed)
@@ -69,6 +70,7 @@ def test_bench_real___folder_of_two_records___has_a_row_for_each(tmp_path: Path)
     assert "ahead of the best peer or within 5 %" in done.stdout
 
 
+@pytest.mark.slow
 def test_bench_real___empty_folder___is_refused(tmp_path: Path) -> None:
     done = run_bench("ident.real", str(tmp_path))
     assert done.returncode == 1

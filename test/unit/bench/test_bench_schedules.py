@@ -94,6 +94,7 @@ def test_watchdog___fed_with_the_newest_sample___is_found(monkeypatch: pytest.Mo
     assert found(range(1064, 1066), "the drive has the answer to sample") <= MOST_EVENTS
 
 
+@pytest.mark.slow
 def test_limiter___off_by_a_fifth___is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     def wide(settings: limiter.LimiterSettings) -> limiter.InputLimits:
         true = limits(settings)
@@ -119,6 +120,7 @@ def test_recorder___that_acknowledges_before_it_writes___is_found(
     assert found(range(69, 70), "messages are kept, the bag has") <= MOST_EVENTS
 
 
+@pytest.mark.slow
 def test_commander___that_forgets_a_silence_at_the_next_one___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -133,6 +135,7 @@ def test_commander___that_forgets_a_silence_at_the_next_one___is_found(
     assert found(range(20, 21), "is obeyed again with number") <= MOST_EVENTS
 
 
+@pytest.mark.slow
 def test_commander___that_obeys_a_number_again___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -147,6 +150,7 @@ def test_commander___that_obeys_a_number_again___is_found(
     assert found(range(8, 9), "is obeyed again with number") <= MOST_EVENTS
 
 
+@pytest.mark.slow
 def test_recorder___that_awaits_recent_topics_alone___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -161,6 +165,7 @@ def test_recorder___that_awaits_recent_topics_alone___is_found(
     assert found(range(7, 8), "that were on their way") <= MOST_EVENTS
 
 
+@pytest.mark.slow
 def test_recorder___whose_wait_a_backlog_does_not_renew___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -56,6 +56,7 @@ def test_kept_paths___set___what_the_script_of_colcon_sets() -> None:
         assert ours[name] == theirs[name]
 
 
+@pytest.mark.slow
 def test_pinned_packages___require_nothing_that_is_not_pinned() -> None:
     if not (PROJECT / "requirements" / f"{os.environ.get('ROS_DISTRO')}.txt").is_file():
         pytest.skip("this environment was not made from a list of pinned packages")
@@ -273,6 +274,7 @@ def without_ros(bare: Path) -> dict[str, str]:
     return {"python": str(python), "FLEXARM_ROS": "none", "PIP_CALLED": str(bare / "pip_called")}
 
 
+@pytest.mark.slow
 def test_without_ros___needs_no_compiler_and_runs_the_verbs_from_the_sources(
     bare: Path, without_ros: dict[str, str]
 ) -> None:
@@ -319,6 +321,7 @@ chmod +x install/flexarm_bringup/bin/flexarm
 """
 
 
+@pytest.mark.slow
 def test_tools_of_test_and_docs___are_installed_for_the_first_verb_that_needs_them(
     bare: Path, with_ros: dict[str, str]
 ) -> None:

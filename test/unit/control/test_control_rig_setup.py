@@ -77,6 +77,7 @@ def test_description___of_a_model___has_a_joint_for_each_motor(rig: RigDescripti
     assert [(each.low, each.high) for each in rig.inputs] == [(-1.0, 1.0)] * 2
 
 
+@pytest.mark.slow
 def test_pd___moves_each_joint_to_its_set_point(rig: RigDescription) -> None:
     setup = RigSetup.of(parameters(law="pd"), rig)
     wanted = (0.6, -0.4)
@@ -120,6 +121,7 @@ def servo(rig: RigDescription, controller: Path) -> RigSetup:
     return RigSetup.of(values, rig)
 
 
+@pytest.mark.slow
 def test_servo___moves_both_joints_without_overshoot(rig: RigDescription, servo: RigSetup) -> None:
     assert [each.name for each in servo.tracks] == ["joint_1", "joint_2"]
     y, _, _ = run(rig, servo.loop(), [(0.0, 0.0)] + [(0.5, -0.3)] * round(6 * rig.rate_hz))
@@ -128,6 +130,7 @@ def test_servo___moves_both_joints_without_overshoot(rig: RigDescription, servo:
     assert y[:, places[0]].max() < 0.5 * 1.05
 
 
+@pytest.mark.slow
 def test_servo___hears_commands_that_were_cut(rig: RigDescription, servo: RigSetup) -> None:
     """A filter that does not hear a limit takes it for a disturbance, and the arm overshoots."""
     references = [(0.0, 0.0)] + [(1.0, 0.0)] * round(12 * rig.rate_hz)

@@ -68,6 +68,7 @@ def test_commands_of_a_converter_s_steps___move_as_one_call_does() -> None:
     np.testing.assert_allclose(found_v, simulate(Plant(fine), command_v, 300.0), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_many_rigs_in_blocks___move_as_each_of_them_alone() -> None:
     delays_s = np.random.default_rng(0).choice([0.0, 1e-4, 1e-3], 41)
     rigs = tuple(

@@ -4,16 +4,20 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from support.loaded_modules import loaded
 from support.project import BAGS
 
 
+@pytest.mark.slow
 def test_import__slow_libraries___wait_until_they_are_needed() -> None:
     # Every other part of scipy loads one of its two here.
     slow = "control matplotlib numba scipy.linalg scipy.special"
     assert not loaded("flexarm_ident, flexarm_ident.job", slow)
 
 
+@pytest.mark.slow
 def test_identification__whole_way_to_the_report___needs_no_library_that_takes_long(
     tmp_path: Path,
 ) -> None:

@@ -132,6 +132,7 @@ def test_model_name___bag___is_a_name_for_parameters(
     assert model_name(tmp_path / "inner" / ".." / name) == expected
 
 
+@pytest.mark.slow
 def test_identify_bags___two_bags___writes_one_model_with_its_origin(tmp_path: Path) -> None:
     bags = [a_bag(tmp_path / "first"), a_bag(tmp_path / "second", seed=2)]
     told: list[tuple[str, float]] = []
@@ -229,6 +230,7 @@ def test_identify_bags___format_that_is_not_asked_for___of_somebody_else_stays(
 @pytest.mark.usefixtures("short_report")
 @pytest.mark.parametrize("stage", [each for each in STAGES if each not in {"order", "friction"}])
 @pytest.mark.parametrize("interruption", [Cancelled, KeyboardInterrupt])
+@pytest.mark.slow
 def test_identify_bags___interrupted_at_any_stage___leaves_no_trace(
     tmp_path: Path, stage: str, interruption: type[BaseException]
 ) -> None:

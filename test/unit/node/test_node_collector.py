@@ -61,6 +61,7 @@ def test_collect_youngest___few_objects___are_left_for_later() -> None:
         assert left() is not None
 
 
+@pytest.mark.slow
 def test_collect_youngest___library_that_was_loaded___is_looked_at_after_the_loop() -> None:
     with collector.resting():
         made = [[each] for each in range(100_000)]

@@ -100,6 +100,7 @@ raise SystemExit(process.run(Node))
 """
 
 
+@pytest.mark.slow
 def test_run___interpreter_that_hangs_at_its_end___is_ended() -> None:
     done = subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", LINGERING], capture_output=True, text=True, check=False, timeout=200

@@ -40,6 +40,7 @@ def stepped_criterion(design: IlqrDesign) -> float:
 
 
 @pytest.mark.parametrize(("design", "weights"), DESIGNS)
+@pytest.mark.slow
 def test_tuning___keeps_the_margins_and_no_other_effort_that_does_is_better(
     design: Callable[..., IlqrDesign], weights: RegulatorWeights
 ) -> None:
@@ -63,6 +64,7 @@ def test_tuning___keeps_the_margins_and_no_other_effort_that_does_is_better(
     assert stepped_criterion(design(reduced, found.weights)) == pytest.approx(found.criterion)
 
 
+@pytest.mark.slow
 def test_tuning___of_margins_out_of_reach___is_refused_with_the_nearest() -> None:
     wanted = Requirements(gain_margin_db=50.0, phase_margin_deg=100.0)
 

@@ -64,6 +64,7 @@ def _stepped_criterion(
     return float(total)
 
 
+@pytest.mark.slow
 def test_tune_pdp___printed_models___is_the_recomputed_optimum(printed: PdpTuning) -> None:
     assert printed.criterion == pytest.approx(3.54, abs=0.005)
     assert printed.gains.kp == pytest.approx(0.490, abs=0.002)
@@ -72,6 +73,7 @@ def test_tune_pdp___printed_models___is_the_recomputed_optimum(printed: PdpTunin
     assert printed.active == ("gain margin of model 3", "bound of ksg")
 
 
+@pytest.mark.slow
 def test_tune_pdp___flipped_gauge___is_the_recomputed_optimum(flipped: PdpTuning) -> None:
     assert flipped.criterion == pytest.approx(3.35, abs=0.005)
     assert flipped.gains.kp == pytest.approx(0.543, abs=0.003)

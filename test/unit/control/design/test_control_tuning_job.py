@@ -60,6 +60,7 @@ def test_load_models___flipped___has_the_other_sign_of_y3() -> None:
     assert np.array_equal(model.C[2], -nominal_model(0.2).C[2])
 
 
+@pytest.mark.slow
 def test_load_models___bag___is_identified() -> None:
     bag = str(BAGS / "c_dat3_0g")
 
@@ -154,6 +155,7 @@ def test_tune___unknown_law___is_refused() -> None:
 
 
 @pytest.mark.parametrize("law", ["ilqr", "lqg"])
+@pytest.mark.slow
 def test_tune___regulator___gives_model_and_weights_that_the_law_is_built_of(
     law: str, tmp_path: Path
 ) -> None:
@@ -177,6 +179,7 @@ def test_tune___regulator___gives_model_and_weights_that_the_law_is_built_of(
     assert result.margins[0].phase_margin_deg >= 55.0
 
 
+@pytest.mark.slow
 def test_tune___schedule___has_a_row_for_each_payload_and_gains_for_all() -> None:
     names = ["nominal:0.4", "nominal:0", "0.15=nominal:0.2"]
 
@@ -232,6 +235,7 @@ def test_tune___schedule_of_a_file_without_its_payload___is_refused(tmp_path: Pa
         tune(load_models(names), TuneRequest("pdpc_scheduled"))
 
 
+@pytest.mark.slow
 def test_tune___whatever_the_law___explains_its_figures() -> None:
     models = load_models(["nominal:0"])
     for law in ("pdp", "pi", "lqg"):
@@ -241,6 +245,7 @@ def test_tune___whatever_the_law___explains_its_figures() -> None:
 
 
 @pytest.mark.parametrize(("law", "told"), [("pdp", "pdpc"), ("ilqr", "ilqr"), ("lqg", "lqg")])
+@pytest.mark.slow
 def test_tune___models_from_elsewhere___says_which_friction_the_law_makes_up_for(
     law: str, told: str
 ) -> None:
@@ -265,6 +270,7 @@ def rubbing(folder: Path, level_v: float, input_name: str = "command_v") -> str:
 @pytest.mark.parametrize(
     ("law", "laws"), [("pdp", ["pdpc", "pdpc_plus"]), ("ilqr", ["ilqr"]), ("lqg", ["lqg"])]
 )
+@pytest.mark.slow
 def test_tune___models_with_their_friction___makes_up_for_the_least_of_it(
     tmp_path: Path, law: str, laws: list[str]
 ) -> None:
@@ -290,6 +296,7 @@ def test_friction_of_models___is_that_of_files_with_the_drive_as_input(tmp_path:
     }
 
 
+@pytest.mark.slow
 def test_tune___friction_beyond_what_a_law_makes_up_for___is_left_to_the_user() -> None:
     model = {"arm.yaml arm": identified_model()}
     result = tune(model, TuneRequest("ilqr"), {"arm.yaml arm": 2.5})
@@ -298,6 +305,7 @@ def test_tune___friction_beyond_what_a_law_makes_up_for___is_left_to_the_user() 
 
 
 @pytest.mark.parametrize("law", ["pdp", "ilqr", "pi"])
+@pytest.mark.slow
 def test_tune___models_of_the_thesis_or_law_without_compensation___says_nothing_of_friction(
     law: str,
 ) -> None:
@@ -316,6 +324,7 @@ def without(*outputs: int) -> control.StateSpace:
 
 
 @pytest.mark.parametrize("law", ["pdp", "lqg", "pi"])
+@pytest.mark.slow
 def test_tune___outputs_that_the_input_does_not_reach___are_named(law: str) -> None:
     (note, *others) = tune({"rig": without(2, 3)}, TuneRequest(law=law)).notes
     assert "the input does not reach middle_strain_v, speed_v of rig" in note

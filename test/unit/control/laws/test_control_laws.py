@@ -221,6 +221,7 @@ def test_build_law___value_out_of_range___is_refused_with_the_range(name: str) -
             assert spec.range_text in str(refused.value)
 
 
+@pytest.mark.slow
 def test_build_law___value_at_the_limit___is_accepted() -> None:
     for name, law in LAWS.items():
         for spec in law.parameters:

@@ -73,6 +73,7 @@ def test_schedule_that_does_not_fit___is_refused(
         GainSchedule(payloads_kg, (PdpGains(),) * count)
 
 
+@pytest.mark.slow
 def test_robust_gains___are_those_of_the_tuning() -> None:
     tuned = tune_pdp([nominal_model(payload_kg) for payload_kg in FASTEST.payloads_kg]).gains
 

@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 import hashlib
 import numpy as np
@@ -35,5 +37,6 @@ def hash_with_kernels_of(processor: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_closed_loop___on_other_processors___gives_the_same_samples() -> None:
     assert hash_with_kernels_of("Haswell") == hash_with_kernels_of("Prescott")

@@ -88,6 +88,7 @@ def test_step___two_joints_with_friction___settle_without_overshoot(joints: Serv
         assert result.settling_s < 2.0
 
 
+@pytest.mark.slow
 def test_step___measured_arm_whose_joints_pull_at_each_other___goes_and_stays() -> None:
     # Both hubs at once, in friction of more than half of what the second one moves with.
     request = ServoRequest(("hub1_deg", "hub2_deg"), {}, bandwidth_hz=0.65)

@@ -81,6 +81,7 @@ def test_attainable___of_a_tip___is_half_of_its_zero_outside_the_circle() -> Non
     assert attainable_hz(two_joints(), [0]) == math.inf
 
 
+@pytest.mark.slow
 def test_design_servo___tip___is_told_what_is_attainable() -> None:
     limits = {"torque": 50.0}
     hub, tip = (
@@ -211,6 +212,7 @@ def test_roll_off___takes_each_mode_by_a_low_pass() -> None:
     assert passed == pytest.approx(1.0 / math.sqrt(1.0 + (tustin_hz / 3.0) ** 4), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_choose_bandwidth___margin_that_none_has___gives_a_design_with_a_caution() -> None:
     plants = {"arm": loop_plant(bending_arm())}
 
@@ -227,6 +229,7 @@ def test_choose_bandwidth___margin_that_none_has___gives_a_design_with_a_caution
     assert not enough.caution
 
 
+@pytest.mark.slow
 def test_choose_bandwidth___each_filter_alone___gives_no_larger_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -287,6 +290,7 @@ def test_design_servo___bandwidth_beyond_the_rate___is_refused() -> None:
     assert "half of the rate, 250 Hz" in _refused(bending_arm(), "hub", bandwidth_hz=300.0)
 
 
+@pytest.mark.slow
 def test_design_servo___pair_slower_than_the_record___is_no_vibration() -> None:
     arm = bending_arm()
     drift = np.exp(2.0 * np.pi * 0.02 * DT_S * complex(-0.05, 1.0))
@@ -313,6 +317,7 @@ def test_design_servo___pair_slower_than_the_record___is_no_vibration() -> None:
     assert design.gains.bandwidth_hz > 0.5
 
 
+@pytest.mark.slow
 def test_design_servo___several_models___have_the_margin_with_each() -> None:
     arm = bending_arm()
     (mode,) = vibrations(arm)
@@ -331,6 +336,7 @@ def test_design_servo___several_models___have_the_margin_with_each() -> None:
     assert both.gains.bandwidth_hz < first.gains.bandwidth_hz
 
 
+@pytest.mark.slow
 def test_design_servo___bandwidth_that_a_second_model_does_not_bear___is_refused() -> None:
     model = bending_arm()
     other = control.StateSpace(

@@ -43,6 +43,7 @@ def half_periods_s(commands: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", EXCITATIONS)
 @settings(max_examples=20)
 @given(magnitude_v=st.floats(0.0, 10.0), seed=st.integers(0, 2**31 - 1))
+@pytest.mark.slow
 def test_every_excitation___keeps_to_its_magnitude_and_repeats_itself(
     name: str, magnitude_v: float, seed: int
 ) -> None:

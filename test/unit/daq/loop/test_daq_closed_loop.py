@@ -84,6 +84,7 @@ def test_pd___without_compensation___stops_off_the_reference() -> None:
     ("payload_kg", "reference_v", "max_overshoot", "uncompensated_error_v"),
     [(0.0, 1.0, 0.03, 0.88), (0.2, 3.0, 0.02, 0.71), (0.4, 5.0, 0.06, 0.19)],
 )
+@pytest.mark.slow
 def test_pdpc___over_the_payloads___reaches_its_set_point(
     payload_kg: float, reference_v: float, max_overshoot: float, uncompensated_error_v: float
 ) -> None:
@@ -98,6 +99,7 @@ def test_pdpc___over_the_payloads___reaches_its_set_point(
 
 
 @pytest.mark.parametrize(("payload_kg", "reference_v"), [(0.0, 1.0), (0.2, 3.0), (0.4, 5.0)])
+@pytest.mark.slow
 def test_pdpc___with_the_noise_of_the_thesis___has_no_tracking_error(
     payload_kg: float, reference_v: float
 ) -> None:
@@ -124,6 +126,7 @@ def test_pdpc___a_whole_period_late___is_unstable() -> None:
 
 
 @pytest.mark.parametrize(("payload_kg", "reference_v"), [(0.0, 1.0), (0.2, 3.0), (0.4, 5.0)])
+@pytest.mark.slow
 def test_compensation___kept_on_at_the_set_point___makes_the_gear_hit(
     payload_kg: float, reference_v: float
 ) -> None:

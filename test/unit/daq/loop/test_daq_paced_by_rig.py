@@ -114,6 +114,7 @@ def run(monkeypatch: pytest.MonkeyPatch, drift: float, stall_at: int = 0) -> Acq
 
 
 @pytest.mark.parametrize("drift", [-1e-2, -1e-4, 0.0, 1e-4, 1e-2])
+@pytest.mark.slow
 def test_clocks_drift_apart___every_sample_is_taken_and_answered(
     monkeypatch: pytest.MonkeyPatch, drift: float
 ) -> None:

@@ -75,6 +75,7 @@ def test_healthy_rig___at_any_rate___gives_no_alarm(rate_hz: float) -> None:
         assert complaints(RigParameters(), DRIVES[drive], seed=1, rate_hz=rate_hz, length_s=2) == []
 
 
+@pytest.mark.slow
 def test_healthy_rig___at_rest_for_long___gives_no_alarm() -> None:
     """Noise of one converter step: the codes repeat, but not thirty times."""
     random = np.random.default_rng(3)

@@ -239,6 +239,7 @@ def test_payload___impossible___is_refused_and_nothing_changes(payload_kg: float
     assert plant.parameters == RIG
 
 
+@pytest.mark.slow
 def test_package___with_ros_blocked___imports() -> None:
     script = (
         "import sys; sys.modules['rclpy'] = None\n"

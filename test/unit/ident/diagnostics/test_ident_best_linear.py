@@ -52,6 +52,7 @@ def approximated(
     )
 
 
+@pytest.mark.slow
 def test_linear_plant___shows_no_distortion_in_20_of_20_seeds() -> None:
     found = [approximated(seed) for seed in range(20)]
 

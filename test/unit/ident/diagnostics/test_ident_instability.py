@@ -39,6 +39,7 @@ def in_its_loop(
 
 @pytest.mark.parametrize("plant", [PENDULUM, GROWING], ids=["pendulum", "growing"])
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.slow
 def test_run___unstable_plant_in_its_loop___next_step_keeps_it_unstable(
     plant: tuple[np.ndarray, np.ndarray], seed: int
 ) -> None:

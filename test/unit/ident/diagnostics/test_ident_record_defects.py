@@ -341,6 +341,7 @@ def integrating(seed: int) -> IoData:
     return IoData(u, y + 0.01 * y.std(axis=0) * noise, dt_s=DT_S, outputs=("hub", "bend"))
 
 
+@pytest.mark.slow
 def test_plant_changed___output_that_drifts___is_not_called_so() -> None:
     assert not [seed for seed in range(12) if list(changes(integrating(seed)))]
 

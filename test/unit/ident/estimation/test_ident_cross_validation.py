@@ -66,6 +66,7 @@ def test_cross_validation___few_samples___is_left_out() -> None:
 
 
 @pytest.mark.parametrize("method", ["orse_iv", "pbsid"])
+@pytest.mark.slow
 def test_diagnostics___single_step_without_noise___have_no_figures_instead_of_an_error(
     method: str,
 ) -> None:

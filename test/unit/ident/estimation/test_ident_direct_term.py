@@ -9,6 +9,7 @@ from support.ident_systems import pulse_responses, random_model, record
 
 @pytest.mark.parametrize("method", ["orse", "auto"])
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.slow
 def test_feedthrough_from_the_data___model_with_d___is_found(seed: int, method: str) -> None:
     model = random_model(seed, feedthrough=True)
     data = record(model, 3000, seed=seed, noise=0.1, closed_loop=False)

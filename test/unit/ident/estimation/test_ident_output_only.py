@@ -131,6 +131,7 @@ def test_lines___of_rotating_parts___are_told_from_modes() -> None:
 
 
 @pytest.mark.parametrize("kind", ["white", "coloured", "walk"])
+@pytest.mark.slow
 def test_noise___without_a_resonance___has_no_mode(kind: str) -> None:
     for seed in range(5):
         y = np.random.default_rng(seed).standard_normal((6000, 3))

@@ -243,6 +243,7 @@ def test_identify___matrices_too_large___are_refused_with_what_would_do(
 
 
 @pytest.mark.parametrize("samples", [150, 250, 400])
+@pytest.mark.slow
 def test_identify___record_too_short_for_forty_block_rows___has_fewer_of_them(samples: int) -> None:
     # 5 channels and 1 take 12 samples a block row with those of the past.
     data = record(arm_model(), samples, 3, noise=1e-4)
@@ -284,6 +285,7 @@ def test_identify___every_method___fits_the_arm(method: str) -> None:
 
 @pytest.mark.parametrize("kind", ["integrator", "free hub"])
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.slow
 def test_identify___free_motion___simulates_and_is_kept_by_the_refinement(
     seed: int, kind: str
 ) -> None:

@@ -192,6 +192,7 @@ def rows(uri: Path, samples: int = 16) -> tuple[Array, Array]:
         [*range(50, 70), *range(40)],
     ],
 )
+@pytest.mark.slow
 def test_stream_bag___own_rig___equals_the_whole_bag(
     tmp_path: Path, sequences: list[int], per_chunk: int
 ) -> None:
@@ -271,6 +272,7 @@ def test_run___record_in_pieces___is_the_outcome_of_the_whole_record() -> None:
     assert any("fitted in pieces" in warning for warning in stream.warnings)
 
 
+@pytest.mark.slow
 def test_run___record_longer_than_the_excerpt___errors_are_of_the_whole() -> None:
     data = arm_record(EXCERPT_SAMPLES + 5000, 0.02)
     y = data.y.copy()

@@ -77,6 +77,7 @@ def test_score___of_a_model___is_the_mean_of_both_errors_with_weights(order: int
     )
 
 
+@pytest.mark.slow
 def test_auto___few_samples_of_a_plant_under_noise___do_not_follow_the_noise() -> None:
     orders, ratios = [], []
     for seed in range(4):
@@ -107,6 +108,7 @@ def test_expected_error___white_noise___is_that_of_other_data() -> None:
     assert expected == pytest.approx(np.mean(met), rel=0.06)
 
 
+@pytest.mark.slow
 def test_auto___short_record___has_the_order_of_its_plant() -> None:
     orders = [
         identify(
@@ -189,6 +191,7 @@ def disturbed(seed: int) -> IoData:
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.slow
 def test_auto___any_record___simulates_no_worse_than_the_order_by_one_step_errors(
     seed: int,
 ) -> None:
@@ -199,6 +202,7 @@ def test_auto___any_record___simulates_no_worse_than_the_order_by_one_step_error
     assert "in simulation" in auto.choice
 
 
+@pytest.mark.slow
 def test_auto___outputs_in_other_units___chooses_the_same() -> None:
     data = disturbed(5)
     auto = identify(data, method="auto")

@@ -65,6 +65,7 @@ seen += [*map(list, inside), threads()]
 @pytest.mark.parametrize(
     ("program", "inside"), [(NESTED, 2), (IN_A_THREAD, 2), (IDENTIFICATION, 1)]
 )
+@pytest.mark.slow
 def test_blas___inside___has_one_thread_and_its_own_number_after(program: str, inside: int) -> None:
     done = subprocess.run(  # noqa: S603 - the programs above
         [sys.executable, "-c", f"{HEAD}{program}print(json.dumps(seen))"],

@@ -33,6 +33,7 @@ def test_direction___loop_around_an_arm_without_friction___tells_nothing() -> No
 
 
 @pytest.mark.parametrize(("level", "rise"), [(0.6, 0.3), (0.1, 0.0)])
+@pytest.mark.slow
 def test_direction___friction_that_passes_for_noise___recurs(level: float, rise: float) -> None:
     found = [identify(driven_arm(level, rise=rise, noise=0.05, seed=seed)) for seed in SEEDS]
     told = [

@@ -174,6 +174,7 @@ def test_simulation___friction_under_load___takes_its_part_of_the_push(push: flo
 
 @pytest.mark.parametrize("friction", [dry(0.4, 0.1), clinging(0.3, 0.05, 0.2)])
 @pytest.mark.parametrize("suffix", ["yaml", "json", "mat"])
+@pytest.mark.slow
 def test_load_friction___file_of_save_model___has_it_back(
     friction: DryFriction, suffix: str, tmp_path: Path
 ) -> None:

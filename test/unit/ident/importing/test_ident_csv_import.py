@@ -246,6 +246,7 @@ def test_import___existing_bag___is_not_overwritten(tmp_path: Path) -> None:
     ),
     rate_hz=st.integers(1, 2000),
 )
+@pytest.mark.slow
 def test_import___any_numbers___come_back_exactly(
     tmp_path_factory: pytest.TempPathFactory,
     values: list[tuple[float, float]],

@@ -129,6 +129,7 @@ def test_auto___errors_that_are_noise___takes_the_likelihood_and_its_left_out_er
     np.testing.assert_allclose(left_out.error, 0.1, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_auto___direct_term___is_no_noise_of_a_model_without_it() -> None:
     model = random_model(5, 4, 2, 1, feedthrough=True)
     rng = np.random.default_rng(0)

@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 _LIGHT = """
 import sys
 from flexarm_ident.models.control_library import control_library
@@ -79,6 +81,7 @@ def test_control_library___loads_neither_plots_nor_what_of_scipy_it_seldom_uses(
     assert output(_LIGHT) == [""]
 
 
+@pytest.mark.slow
 def test_control_library__plots___draw_as_ever() -> None:
     light, *drawn = output(_PLOTS)
     assert light == ""
@@ -86,6 +89,7 @@ def test_control_library__plots___draw_as_ever() -> None:
     assert [line for line in drawn if not line.endswith("True")] == []
 
 
+@pytest.mark.slow
 def test_control_library__statistics___come_with_their_first_use() -> None:
     light, peaks, half = output(_STATISTICS)
     assert light == ""
@@ -93,16 +97,19 @@ def test_control_library__statistics___come_with_their_first_use() -> None:
     assert abs(float(half) - 0.5) < 1e-12
 
 
+@pytest.mark.slow
 def test_control_library__sampling_and_optimal_control___come_with_their_first_use() -> None:
     light, *found = output(_FUNCTIONS)
     assert light == ""
     assert found == ["0.1 1", "True", "True", "OptimalControlProblem"]
 
 
+@pytest.mark.slow
 def test_control_library__pyplot_imported_before___stays() -> None:
     assert output(_KNOWN) == ["True True"]
 
 
+@pytest.mark.slow
 def test_control_library__that_uses_a_module_at_once___gets_the_real_one(tmp_path: Path) -> None:
     (tmp_path / "control.py").write_text(_EAGER)
     program = (

@@ -96,6 +96,7 @@ def test_load_model___saved_model___returns_every_bit(tmp_path: Path, suffix: st
 @pytest.mark.parametrize("suffix", READ_BACK)
 @settings(max_examples=wide(20, 40), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(model=models())
+@pytest.mark.slow
 def test_load_model___any_saved_model_in_one_process___returns_every_bit(
     tmp_path: Path, suffix: str, model: control.StateSpace
 ) -> None:
@@ -296,6 +297,7 @@ def test_load_model___damaged_text___is_refused_or_unharmed(
 
 @settings(max_examples=wide(8, 40), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
+@pytest.mark.slow
 def test_load_model___damaged_mat_file___is_refused_or_unharmed(
     tmp_path: Path, data: st.DataObject
 ) -> None:

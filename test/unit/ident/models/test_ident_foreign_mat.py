@@ -40,6 +40,7 @@ def test_load_model___foreign_mat_file_that_kills_scipy___is_refused(
         load_model(foreign(tmp_path, damaged))
 
 
+@pytest.mark.slow
 def test_load_model___foreign_mat_file_of_gigabytes___is_refused(
     tmp_path: Path, content: bytes
 ) -> None:

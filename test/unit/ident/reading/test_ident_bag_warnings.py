@@ -69,6 +69,7 @@ def test_identify___bag_of_a_jittering_clock___names_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("streamed", [False, True])
+@pytest.mark.slow
 def test_identify_bags___lost_samples___are_among_the_warnings_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, streamed: bool
 ) -> None:

@@ -179,6 +179,7 @@ def test_read___many_chunks_and_frames___keep_the_order(tmp_path: Path) -> None:
         max_size=12,
     )
 )
+@pytest.mark.slow
 def test_read___any_values___are_those_of_the_rosbags_deserialiser(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, ...]]
 ) -> None:

@@ -38,6 +38,7 @@ def test_unusable_rows___runs_of_any_channel___only_long_ones_and_edges() -> Non
 
 @settings(max_examples=60)
 @given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.lists(st.integers(1, 40), min_size=1))
+@pytest.mark.slow
 def test_filled_pieces___any_pieces___are_those_of_the_whole(
     seed: int, share: float, lengths: list[int]
 ) -> None:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 FREQUENCIES_HZ = np.linspace(0.0, 150.0, 2000)
 
 
+@pytest.mark.slow
 def test_balanced_truncation___any_order___singular_values_are_those_of_the_hankel_matrix() -> None:
     model = random_model(1, states=6)
     blocks = pulse_responses(model, 600)[1:]

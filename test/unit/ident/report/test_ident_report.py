@@ -91,6 +91,7 @@ def small_text(small: Outcome) -> str:
     return rendered(small)
 
 
+@pytest.mark.slow
 def test_render_report___outcome___is_one_file_that_loads_nothing(text: str) -> None:
     page = Page(text)
     assert text.startswith("<!DOCTYPE html>")

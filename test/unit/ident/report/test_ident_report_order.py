@@ -57,6 +57,7 @@ def test_order_section___words___tell_the_kinds_of_stability_apart(
     assert model.endswith(f"the models of these orders were stable: {ranges(stable) or 'none'}.")
 
 
+@pytest.mark.slow
 def test_order_section___weighed_models___are_in_a_table_from_which_each_can_be_asked_for() -> None:
     # Sensors that are not linear leave more than noise, and models are weighed.
     data = record(arm_model(), 1500, 1, noise=0.02)

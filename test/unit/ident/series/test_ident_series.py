@@ -84,6 +84,7 @@ def test_each___parquet_of_somebody_else___is_refused_before_the_work(
     assert not computed
 
 
+@pytest.mark.slow
 def test_each___report_of_somebody_else_in_a_bags_folder___fails_that_bag_alone(
     tmp_path: Path, bags: list[Path], computed: list[str]
 ) -> None:
@@ -103,6 +104,7 @@ def test_each___report_of_somebody_else_in_a_bags_folder___fails_that_bag_alone(
 
 
 @pytest.mark.usefixtures("computed")
+@pytest.mark.slow
 def test_each___bags_of_one_rig___have_a_row_and_a_folder_each(
     tmp_path: Path, bags: list[Path]
 ) -> None:
@@ -129,6 +131,7 @@ def test_each___bags_of_one_rig___have_a_row_and_a_folder_each(
         assert f'href="{folder}/report.html"' in page
 
 
+@pytest.mark.slow
 def test_each___again___computes_what_changed(
     tmp_path: Path, bags: list[Path], computed: list[str]
 ) -> None:
@@ -154,6 +157,7 @@ def test_each___again___computes_what_changed(
     assert len((out / "models.csv").read_text().splitlines()) == 6
 
 
+@pytest.mark.slow
 def test_each___interrupted___keeps_what_has_ended(
     tmp_path: Path, bags: list[Path], computed: list[str]
 ) -> None:

@@ -36,6 +36,7 @@ def open_loop(seed: int, *, colour: str = "white", samples: int = 3000) -> IoDat
     return IoData(u, y + 0.02 * y.std(axis=0) * noise, dt_s=DT_S)
 
 
+@pytest.mark.slow
 def test_feedback_test___open_loop___p_values_are_those_of_chance() -> None:
     tests = [feedback_test([d], block_gram([d], 20)) for d in map(open_loop, range(60))]
     assert {test.degrees for test in tests} == {20}
@@ -128,6 +129,7 @@ OPEN_LOOP: dict[str, Callable[[np.random.Generator], Array]] = {
 
 
 @pytest.mark.parametrize("waveform", OPEN_LOOP)
+@pytest.mark.slow
 def test_is_closed_loop___no_controller___is_open_for_any_excitation(waveform: str) -> None:
     for seed in range(30 if waveform in {"white noise", "multisine of 60"} else 6):
         rng = np.random.default_rng(seed)
@@ -215,6 +217,7 @@ def closed_loop(seed: int, law: str, *, noise: float, delay: int = 0, held: int 
 
 @pytest.mark.parametrize(("delay", "held"), [(0, 1), (1, 1), (2, 1), (0, 2)])
 @pytest.mark.parametrize("law", ["pd", "pi", "lqg"])
+@pytest.mark.slow
 def test_is_closed_loop___controller___is_found_with_its_delay(
     law: str, delay: int, held: int
 ) -> None:

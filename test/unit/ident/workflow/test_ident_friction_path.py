@@ -179,6 +179,7 @@ def test_friction___order_or_method_given___is_told_but_the_model_stays(
     assert "A at drive" in found.notes[-1]
 
 
+@pytest.mark.slow
 def test_friction___none_there_or_compensated___linear_model_without_a_word() -> None:
     frictionless, rubbing = controlled(0.0), controlled(0.5)
     compensated = replace(rubbing, compensation=np.sign(rubbing.u))
@@ -188,6 +189,7 @@ def test_friction___none_there_or_compensated___linear_model_without_a_word() ->
         assert not any("friction" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_friction___level_hidden_from_the_regression___is_found_where_errors_are_no_noise(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

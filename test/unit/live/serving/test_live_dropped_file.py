@@ -99,6 +99,7 @@ def test_folder_of_a_bag___dropped_file_by_file___is_a_record(
         "table.xlsx",
     ],
 )
+@pytest.mark.slow
 def test_name___that_is_none_of_a_record___is_refused_and_nothing_is_written(
     live: LiveServer, folder: Path, name: str
 ) -> None:

@@ -71,6 +71,8 @@ def test(arguments: tuple[str, ...], *, quick: bool, exhaustive: bool) -> None:
             "no module pytest: the tests need all of the set-up, without FLEXARM_ROS=none"
         )
     checks, left_out = checks_of(sys.version_info[:2])
+    if quick:
+        checks = tuple(check for check in checks if check[1] != EXAMPLES)
     failed = [] if arguments else list(_failed_side_by_side(checks, root))
     if left_out and not arguments:
         terminal.CONSOLE.print(f"  {left_out}")
@@ -80,8 +82,8 @@ def test(arguments: tuple[str, ...], *, quick: bool, exhaustive: bool) -> None:
         failed.append(name)
     if quick:
         terminal.CONSOLE.print(
-            "  left out: tests marked slow, property, fault and system tests; "
-            "./flexarm test runs them"
+            "  left out: tests marked slow, property, fault and system tests, and examples of "
+            "docstrings and pages; ./flexarm test runs them"
         )
     if failed:
         terminal.CONSOLE.print(f"failed: {', '.join(failed)}", style="bold red")

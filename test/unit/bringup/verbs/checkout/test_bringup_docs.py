@@ -42,12 +42,14 @@ def run_examples(*places: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_examples___of_docstrings_and_pages___are_collected() -> None:
     found = run_examples("src/flexarm_daq/flexarm_daq/loop", "docs", "--collect-only", "-q").stdout
     for place in ("flexarm_daq/loop/limiter.py", "docs/units.md", "docs/howto/own_rig.md"):
         assert place in found
 
 
+@pytest.mark.slow
 def test_example_that_does_not_hold___is_shown(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("Text.\n\n```python\n>>> 1 + 1\n3\n\n```\n", "utf-8")

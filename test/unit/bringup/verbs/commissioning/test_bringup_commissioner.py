@@ -130,6 +130,7 @@ def test_best_model_without_a_margin___is_followed_by_the_next(
 @pytest.mark.parametrize(
     "model", [bending_arm(dt_s=0.008), two_joints(0.008)], ids=["one motor", "two motors"]
 )
+@pytest.mark.slow
 def test_closed_loop_experiment___of_an_arm_that_was_pulsed___keeps_its_travel_and_finds_its_model(
     tmp_path: Path, model: control.StateSpace
 ) -> None:

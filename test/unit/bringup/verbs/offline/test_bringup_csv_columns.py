@@ -45,6 +45,7 @@ def test_path___that_is_named_twice___is_refused(
         taken_columns(paths, columns, {"inputs": (), "outputs": ()})
 
 
+@pytest.mark.slow
 def test_each___of_csv_files___has_them_by_their_names_and_knows_them_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

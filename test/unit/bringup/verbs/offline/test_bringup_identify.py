@@ -196,6 +196,7 @@ def test_identify___part_behind_the_end___is_one_line_and_writes_nothing(tmp_pat
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_identify_each___one_bag_is_missing___the_others_have_models(tmp_path: Path) -> None:
     topics, storage, words = joint_states_alone()
     bag, out = write_topics(tmp_path / "run", topics, storage), tmp_path / "out"

@@ -65,6 +65,7 @@ def test_design___model_of_a_record___keeps_to_the_commands_of_the_record(tmp_pa
     assert max(abs(controller.step([0.0, 0.0], [100.0])[0]) for _ in range(200)) <= 3.0 + 1e-9
 
 
+@pytest.mark.slow
 def test_design___auto___meets_the_margin_that_was_asked_for(model: Path, tmp_path: Path) -> None:
     words = [str(model), "--track", "hub", "--limit", "torque=3", "--robustness", "0.6"]
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+@pytest.mark.slow
 def test_learning___from_nothing_in_one_process___writes_a_command_that_is_better(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

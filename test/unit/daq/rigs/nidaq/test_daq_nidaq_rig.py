@@ -73,6 +73,7 @@ def test_write___direction_flips___magnitude_is_zero_before() -> None:
     high_is_positive=st.booleans(),
     left_v=st.sampled_from([0.0, 7.0]),
 )
+@pytest.mark.slow
 def test_write___any_commands___drive_has_them_and_turns_at_zero(
     commands_v: list[float],
     high_is_positive: bool,  # noqa: FBT001 - drawn by hypothesis
@@ -259,6 +260,7 @@ print("driven", board.command_v)
 
 
 @pytest.mark.parametrize("leave", ["sys.exit(3)", "raise KeyError('a bug')", "pass"])
+@pytest.mark.slow
 def test_interpreter_ends_with_the_rig_open___drive_is_at_zero(leave: str) -> None:
     ended = subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", _LEAVES_WITHOUT_CLOSING.format(leave=leave)],
