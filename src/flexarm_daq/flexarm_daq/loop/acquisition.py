@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.exchange import Exchange
 from flexarm_daq.loop.safety import DriveState, Event
+from flexarm_daq.rigs.rig_protocol import OFF_RATE
 from flexarm_node.statistics import Window
 
 if TYPE_CHECKING:
@@ -44,8 +45,7 @@ _SPARE_S = 3e-4
 # In virtual time a sample may wait long for its answer or its pace. A stop and the work in spare
 # time must not wait that long.
 _STOP_POLL_S = 0.05
-# A rate that is off by more than this part shows when the times differ by more than the jitter.
-_OFF_RATE = 0.005
+# A rate that is off shows when the times differ by more than the jitter.
 _OFF_S = 0.01
 _TELLING_S = 1.0
 _CLOCKS = ("the machine's clock", "the rig's clock")
@@ -133,7 +133,7 @@ class Acquisition(Exchange):
         if self._lockstep is not None:
             return ""
         wanted_s = (self.sequence - 1) * self._period_s
-        allowed_s = max(_OFF_RATE * wanted_s, _OFF_S + 2.0 * self._period_s)
+        allowed_s = max(OFF_RATE * wanted_s, _OFF_S + 2.0 * self._period_s)
         for clock, passed_s in zip(_CLOCKS, self._passed_s(), strict=True):
             if wanted_s >= _TELLING_S and not abs(passed_s - wanted_s) <= allowed_s:
                 rate_hz = self._rate_hz * wanted_s / passed_s

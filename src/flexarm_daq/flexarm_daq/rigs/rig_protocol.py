@@ -7,7 +7,7 @@ the loop by a full period. PD and PDP control would then be unstable at 300 Hz.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from flexarm_core.errors import FlexarmError
 from flexarm_core.signals import RigSample
@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-__all__ = ["DriveNotStoppedError", "Rig", "RigError", "RigSample"]
+__all__ = ["OFF_RATE", "DriveNotStoppedError", "Rig", "RigError", "RigSample"]
+
+OFF_RATE: Final = 0.005
+"""A rate that is off by more than this part makes every identified frequency wrong."""
 
 
 class RigError(FlexarmError):

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 _READ_S = 2.0
 _NEAR_END = 0.02
 """A reading so near to an end of its range, in parts of it, is said to clip."""
-_OFF_RATE = 0.005
 
 
 @click.group()
@@ -78,17 +77,15 @@ def check(rig_file: str) -> None:
     """Try a description: sample for 2 s, and drive nothing.
 
     Each channel is printed with its raw reading, its value and its noise. FILE is a description,
-    NAME a packaged one.
+    NAME a packaged one. The exit code is 1 where a reading or the rate is of no use.
     """
     description = load_rig(rig_file)
     click.echo(_summary(description))
     check_at_rest(description, Path(rig_file).parent)
 
 
-def check_at_rest(description: RigDescription, folder: Path) -> dict[str, str]:
+def check_at_rest(description: RigDescription, folder: Path) -> None:
     """Sample a rig for 2 s with its drives at rest, and print each channel.
-
-    Readings that are not numbers, or at the end of their range, are returned by output.
 
     Parameters
     ----------
@@ -100,34 +97,32 @@ def check_at_rest(description: RigDescription, folder: Path) -> dict[str, str]:
     Raises
     ------
     RigError
-        When it cannot be read.
+        When it cannot be read, a reading is not a number or at the end of its range, or the rate is
+        another one.
     """
     from flexarm_daq.drivers.at_rest import read_at_rest  # noqa: PLC0415 - drivers load numba
     from flexarm_daq.drivers.registry import driven  # noqa: PLC0415
+    from flexarm_daq.rigs.rig_protocol import RigError  # noqa: PLC0415
 
     reading = read_at_rest(driven(description, folder), description, _READ_S)
     if reading.about:
         click.echo(reading.about)
     terminal.show_table(readings_table(description, reading))
-    off = abs(reading.rate_hz / description.rate_hz - 1.0)
     click.echo(f"rate {reading.rate_hz:.5g} Hz, {len(reading.raw)} samples")
-    if off > _OFF_RATE:
-        terminal.note(
-            f"caution: the rate is {100.0 * off:.1f} % off rate_hz = {description.rate_hz:g}: so "
-            "would be every identified frequency"
-        )
+    for channel, output in enumerate(description.outputs):
+        fault = reading_fault(output, reading.values(channel, output))
+        if fault and not output.absent:
+            raise RigError(f"{output.name}: {fault}")
+    reading.require_rate(
+        description.rate_hz,
+        "set it to the driver's rate, or let time_s be the seconds at which each sample was taken",
+    )
     checked = is_thesis_arm(description) or description.safety.stuck_samples
     if not checked and all(_has_noise(description, reading)):
         terminal.note(
             "every output has noise: stuck_samples: 30 under safety holds the drive when one "
             "stands still"
         )
-    faults = {
-        output.name: reading_fault(output, reading.values(channel, output))
-        for channel, output in enumerate(description.outputs)
-        if not output.absent
-    }
-    return {name: fault for name, fault in faults.items() if fault}
 
 
 def _summary(rig: RigDescription) -> str:

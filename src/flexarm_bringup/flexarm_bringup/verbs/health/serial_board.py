@@ -34,7 +34,6 @@ _REST_S: Final = 1.0
 _HAND_S: Final = 30.0
 """Time for what is asked of the user."""
 _AGAIN_S: Final = 0.2
-_OFF_RATE: Final = 0.005
 _MOST_LOST: Final = 0.01
 _BY_HAND: Final = 0.1
 """Way by hand, of a joint's travel to either side."""
@@ -78,18 +77,17 @@ class _Examination:
 
     def line(self) -> str:
         reading = self._reading = readings_of(self._rig, self._description, _REST_S)
-        count, wanted_hz = len(reading.raw), self._description.rate_hz
+        count = len(reading.raw)
         lost, damaged = self._rig.lost, self._rig.damaged
         if lost + damaged > _MOST_LOST * count:
             raise RigError(
                 f"{lost} of {count} frames lost, {damaged} damaged: take a shorter cable, away "
                 "from the wires of the motor"
             )
-        if abs(reading.rate_hz / wanted_hz - 1.0) > _OFF_RATE:
-            raise RigError(
-                f"the board samples at {reading.rate_hz:.5g} Hz instead of {wanted_hz:g} Hz: build "
-                "the firmware with the frequency of the board's crystal"
-            )
+        reading.require_rate(
+            self._description.rate_hz,
+            "build the firmware with the frequency of the board's crystal",
+        )
         return f"{reading.rate_hz:.5g} Hz, {count} samples, {lost} lost, {damaged} damaged"
 
     def sensors(self) -> str:
