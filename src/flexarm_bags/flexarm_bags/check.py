@@ -45,6 +45,8 @@ class BagCheck:
         Messages that are samples, or may be: a damaged bag does not always tell.
     problems : tuple of str
         What is wrong, one line each; empty for a good bag.
+    skipped : tuple of str
+        Those of `problems` that are periods without a sample.
     notes : tuple of str
         What could not be checked, and restarts of the sampling, one line each.
     is_cut : bool
@@ -56,6 +58,7 @@ class BagCheck:
     messages: int
     samples: int
     problems: tuple[str, ...]
+    skipped: tuple[str, ...]
     notes: tuple[str, ...]
     is_cut: bool
 
@@ -110,7 +113,8 @@ class _Check:
             self._problems.append("has no message")
         samples = self._content.samples
         problems, notes = tuple(self._problems), tuple(self._notes)
-        return BagCheck(self._path, total, samples, problems, notes, self._is_cut)
+        skipped = tuple(self._content.skipped)
+        return BagCheck(self._path, total, samples, problems, skipped, notes, self._is_cut)
 
     def _information(self) -> dict[str, Any]:
         try:

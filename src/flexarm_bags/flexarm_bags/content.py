@@ -18,7 +18,13 @@ from flexarm_bags.reader import (
     REFERENCE,
 )
 from flexarm_bags.records.columns import CdrError, Member, decode, members
-from flexarm_bags.timeline import clock_problems, number_problems, restarts, taking_turns
+from flexarm_bags.timeline import (
+    clock_problems,
+    number_gaps,
+    number_problems,
+    restarts,
+    taking_turns,
+)
 from flexarm_core.errors import one_line
 from flexarm_core.labels import counted
 
@@ -81,6 +87,8 @@ class ContentCheck:
         Content of each topic.
     first_ns, last_ns : int
         Earliest and latest log time.
+    skipped : list of str
+        Those of the problems that are periods without a sample.
     """
 
     def __init__(self, problems: list[str], notes: list[str]) -> None:
@@ -91,6 +99,7 @@ class ContentCheck:
         self._commanders: dict[str, set[str]] = {}
         self.topics: dict[str, TopicContent] = {}
         self.first_ns, self.last_ns = 2**63 - 1, 0
+        self.skipped: list[str] = []
 
     @property
     def total(self) -> int:
@@ -209,9 +218,11 @@ class ContentCheck:
             for run, columns in enumerate(zip(*runs, strict=True), start=1):
                 sampled = topic.type_name in _SAMPLED
                 problems = number_problems(columns[0], topic.type_name)
+                where = f"{name}, run {run}" if len(begins) else name
                 if sampled:
                     problems += clock_problems(*columns)
-                where = f"{name}, run {run}" if len(begins) else name
+                    gaps = number_gaps(columns[0], topic.type_name)
+                    self.skipped += [f"{where}: {gaps}"] if gaps else []
                 self._problems += [f"{where}: {problem}" for problem in problems]
 
     def _two_sources(self, name: str, numbers: Integers, turns: Integers) -> str:

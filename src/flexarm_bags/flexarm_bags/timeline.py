@@ -74,8 +74,8 @@ def taking_turns(sequences: Integers) -> Integers:
     return turns if len(turns) >= _MOSTLY * len(backward) else np.empty(0, np.int64)
 
 
-def number_problems(sequences: Integers, type_name: str) -> list[str]:
-    """Return gaps of sequence numbers, and places where they do not go up, one line each.
+def number_gaps(sequences: Integers, type_name: str) -> str:
+    """Return in words how many numbers are left out, and where first; empty where none is.
 
     Parameters
     ----------
@@ -85,12 +85,23 @@ def number_problems(sequences: Integers, type_name: str) -> list[str]:
         Type of the messages: it gives the meaning of a number that is left out.
     """
     steps = np.diff(sequences)
-    gaps, backward = np.flatnonzero(steps > 1), np.flatnonzero(steps < 1)
-    problems = []
-    if len(gaps):
-        lost = int(np.sum(steps[gaps] - 1))
-        text = missing_text(lost, type_name, len(gaps))
-        problems.append(f"{text}, the first after number {sequences[gaps[0]]}")
+    gaps = np.flatnonzero(steps > 1)
+    if not len(gaps):
+        return ""
+    text = missing_text(int(np.sum(steps[gaps] - 1)), type_name, len(gaps))
+    return f"{text}, the first after number {sequences[gaps[0]]}"
+
+
+def number_problems(sequences: Integers, type_name: str) -> list[str]:
+    """Return gaps of sequence numbers, and places where they do not go up, one line each.
+
+    Parameters
+    ----------
+    sequences, type_name
+        As for `number_gaps`.
+    """
+    gaps, backward = number_gaps(sequences, type_name), np.flatnonzero(np.diff(sequences) < 1)
+    problems = [gaps] if gaps else []
     if len(backward):
         at = backward[0]
         problems.append(

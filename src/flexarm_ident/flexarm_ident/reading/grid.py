@@ -32,6 +32,8 @@ ON_TIME = 0.1
 """A sample so near to its instant, in periods, is taken as it is."""
 LATEST = 0.3
 """A sample further off than this counts only when its neighbours tell what it was in time."""
+EARLY = 0.3
+"""A sample earlier than this, in periods, is a late one of the period before."""
 STEADY = 0.15
 """Scatter of the steps, in periods, beyond which they tell neither a phase nor what was lost."""
 _PHASE_BLOCK = 128
@@ -77,8 +79,9 @@ class Grid:
 
     @property
     def lost(self) -> int:
-        """Difference of periods and samples, at least 0."""
-        return max(0, self.rows - self.samples)
+        """Periods without a sample: a late sample belongs to the period in which it was due."""
+        first, last = np.floor(self.instants[[0, -1]] + EARLY)
+        return max(0, int(last - first) + 1 - self.samples)
 
     @property
     def missing(self) -> NDArray[np.bool_]:

@@ -83,9 +83,7 @@ def _restarted(run: Run, messages: int) -> tuple[DataWarning, ...]:
 def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
     if not grid.missing.any():
         return ()
-    text, figures = holes_told(grid.missing, grid.period_s)
-    if off := int(figures["missing"]) - max(0, grid.rows - len(grid.instants)):
-        text += f"; {off} of them had theirs, but taken in the period before or after"
+    text, figures = holes_told(grid.missing, grid.period_s, lost=grid.lost)
     for pause_s in grid.pauses_s:
         text += (
             f"; a pause of {pause_s:.6g} s counts as one of {grid.samples * grid.period_s:.6g} s"

@@ -69,16 +69,30 @@ def unusable_rows(missing: BoolArray) -> BoolArray:
     return unusable
 
 
-def holes_told(missing: BoolArray, period_s: float) -> tuple[str, dict[str, float]]:
-    """Return extent, place and fate of the holes of a mask, (samples,), and the figures."""
+def holes_told(
+    missing: BoolArray, period_s: float, *, lost: int | None = None
+) -> tuple[str, dict[str, float]]:
+    """Return extent, place and fate of the holes of a mask, and the figures.
+
+    Parameters
+    ----------
+    missing : ndarray of bool, (samples,)
+        Rows to fill or to leave out.
+    period_s : float
+        Period, s.
+    lost : int, optional
+        Periods without a sample, all rows by default. The other rows are empty because their sample
+        came nearer to the instant of the next one.
+    """
     holes = runs(missing)
     lengths = np.diff(holes, axis=1)
     unusable = unusable_rows(missing[:, np.newaxis])
     missed, left_out = int(missing.sum()), int(unusable.sum())
     start, stop = holes[np.argmax(lengths)].tolist()
+    lost = missed if lost is None else min(lost, missed)
     text = (
-        f"{missed} of {counted(len(missing), 'period')} {'is' if missed == 1 else 'are'} without a "
-        f"sample, in {counted(len(holes), 'hole')}, "
+        f"{' and '.join(_empty(lost, missed - lost, len(missing)))}, "
+        f"in {counted(len(holes), 'hole')}, "
         f"{'the longest ' * (len(holes) > 1)}{_place(start, stop, period_s)}"
     )
     if missed > left_out:
@@ -90,6 +104,7 @@ def holes_told(missing: BoolArray, period_s: float) -> tuple[str, dict[str, floa
             f"{lengths.max()} each, cannot be filled: the parts between are used"
         )
     figures = {
+        "lost": float(lost),
         "missing": float(missed),
         "rows": float(len(missing)),
         "holes": float(len(holes)),
@@ -97,6 +112,15 @@ def holes_told(missing: BoolArray, period_s: float) -> tuple[str, dict[str, floa
         "left_out": float(left_out),
     }
     return text, figures
+
+
+def _empty(lost: int, late: int, rows: int) -> Iterator[str]:
+    """Yield why rows are empty."""
+    if lost:
+        yield f"{lost} of {counted(rows, 'period')} {'is' if lost == 1 else 'are'} without a sample"
+    if late:
+        instants = "its instant" if late == 1 else "their instants"
+        yield f"{counted(late, 'sample')} came too late for {instants}"
 
 
 def _place(start: int, stop: int, period_s: float) -> str:

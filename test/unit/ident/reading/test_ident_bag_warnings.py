@@ -53,6 +53,7 @@ def test_identify___bag_with_lost_samples___names_them(tmp_path: Path) -> None:
     found = names(a_bag(tmp_path / "run", lost=(100, 101, 250)))
     assert found == {
         "lost_samples": {
+            "lost": 3.0,
             "missing": 3.0,
             "rows": SAMPLES,
             "holes": 2.0,

@@ -36,6 +36,7 @@ def test_notices___short_and_long_holes___are_told_apart() -> None:
     (found,) = notices(Run(slice(0, 90), 0), grid(sequence), 90)
     assert found.code == "lost_samples"
     assert found.figures == {
+        "lost": 10.0,
         "missing": 10.0,
         "rows": 100.0,
         "holes": 3.0,
@@ -59,9 +60,20 @@ def test_notices___lost_and_badly_timed_samples___are_counted_apart() -> None:
     for late in (100, 150, 200):
         stamps_ns[late] += round(0.8 * PERIOD_NS)
     (lost,) = notices(Run(slice(0, 299), 0), place(numbers, stamps_ns), 299)
-    assert lost.figures["missing"] == 4.0
-    assert lost.text.startswith("4 of 300 periods are without a sample")
-    assert "; 3 of them had theirs, but taken in the period before or after" in lost.text
+    assert (lost.figures["lost"], lost.figures["missing"]) == (1.0, 4.0)
+    assert lost.text.startswith(
+        "1 of 300 periods is without a sample and 3 samples came too late for their instants, in 4 "
+    )
+
+
+def test_notices___late_samples_alone___are_not_called_lost() -> None:
+    stamps_ns = np.arange(300) * PERIOD_NS
+    # The last one too: the record is not a period longer for it.
+    stamps_ns[[150, 299]] += round(0.6 * PERIOD_NS)
+    found = place(np.arange(300), stamps_ns)
+    assert found.lost == 0
+    holes, _ = notices(Run(slice(0, 300), 0), found, 300)
+    assert holes.text.startswith("2 samples came too late for their instants, in 2 holes")
 
 
 def test_notices___jittering_clock___is_named_with_its_deviation() -> None:

@@ -34,6 +34,7 @@ from flexarm_ident.provenance import samples_hash
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from flexarm_bags.check import BagCheck
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.runs.pace import Pace
     from flexarm_bringup.runs.recorded_run import RecordedRun
@@ -87,7 +88,8 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     Raises
     ------
     LaunchError
-        For a repeated name, an existing bag, an unreadable manifest or an incomplete record.
+        For a repeated name, an existing bag, an unreadable manifest, or an incomplete or damaged
+        record.
     """
     rig = load_rig(settings.rig)
     if settings.payload_kg and not is_thesis_arm(rig):
@@ -124,13 +126,28 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
             recorded = record_run(
                 operator, commander, record, entry.samples, text="sampling", bag=bag
             )
-            problems = check_bag(bag).problems
-            for problem in problems:
-                terminal.CONSOLE.print(f"  problem: {problem}")
-            _describe(folder, entry, recorded, problems, settings)
+            check = check_bag(bag)
+            _describe(folder, entry, recorded, check.problems, settings)
             _show_extent(recorded, rig)
+            require_good(check)
     count = len(entries)
     terminal.step(f"{count} bag{'s' * (count != 1)} in {settings.folder}, described in {MANIFEST}")
+
+
+def require_good(check: BagCheck) -> None:
+    """Refuse a bag with problems besides skipped periods, which its pace has reported.
+
+    Raises
+    ------
+    LaunchError
+        With the first of the problems.
+    """
+    others = [problem for problem in check.problems if problem not in check.skipped]
+    if others:
+        raise LaunchError(
+            f"{check.bag}: {others[0]}{f' (and {len(others) - 1} more)' * (len(others) > 1)}: "
+            "record again"
+        )
 
 
 def _with_gains(

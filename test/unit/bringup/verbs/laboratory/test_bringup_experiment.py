@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 import pytest
 from click.testing import CliRunner
 
+from flexarm_bags.check import check_bag
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.laboratory.experiment import catalogue
 from flexarm_bringup.verbs.laboratory.experiment import experiment as verb
-from flexarm_bringup.verbs.laboratory.experiment_runs import _make_room
+from flexarm_bringup.verbs.laboratory.experiment_runs import _make_room, require_good
 from flexarm_core.errors import FlexarmError
 from flexarm_daq.experiments.catalogue import catalogue as experiments
 from flexarm_daq.experiments.catalogue import experiment
+from support.bag_samples import START_NS, STEP_NS, arm_state, write_bag
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -70,3 +72,21 @@ def test_payload___for_another_rig___is_refused(tmp_path: Path) -> None:
     with pytest.raises(FlexarmError, match="--payload loads the thesis's arm"):
         verb.main(words, standalone_mode=False)
     assert not new.exists()
+
+
+def test_record___skipped_periods___are_reported_and_not_refused(tmp_path: Path) -> None:
+    numbers = [k for k in range(1, 40) if k not in {10, 11, 20}]
+    sent = [arm_state(number, START_NS + number * STEP_NS) for number in numbers]
+    check = check_bag(write_bag(tmp_path / "run", sent))
+    (skipped,) = check.problems
+    assert check.skipped == (skipped,)
+    assert "3 periods without a sample at 2 places" in skipped
+    require_good(check)
+
+
+def test_record___stamps_that_stand_among_skipped_periods___is_refused(tmp_path: Path) -> None:
+    numbers = [k for k in range(1, 40) if k not in {10, 11, 20}]
+    stamps = [START_NS + min(number, 30) * STEP_NS for number in numbers]
+    sent = [arm_state(number, stamp) for number, stamp in zip(numbers, stamps, strict=True)]
+    with pytest.raises(LaunchError, match=r"run: .*the stamps do not advance .*: record again"):
+        require_good(check_bag(write_bag(tmp_path / "run", sent)))
