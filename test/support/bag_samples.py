@@ -130,9 +130,13 @@ def reference(time_ns: int, value_v: float) -> Sent:
 
 
 def io_sample(
-    sequence: int, stamp_ns: int, inputs: Sequence[float], outputs: Sequence[float]
+    sequence: int,
+    stamp_ns: int,
+    inputs: Sequence[float],
+    outputs: Sequence[float],
+    compensations: Sequence[float] = (),
 ) -> Sent:
-    """Return an IoSample on /flexarm/io."""
+    """Return an IoSample on /flexarm/io; that of a running rig has compensations."""
     type_name = "flexarm_msgs/msg/IoSample"
     raw = serialised(
         type_name,
@@ -140,10 +144,25 @@ def io_sample(
         sequence=sequence,
         inputs=np.array(inputs, dtype=np.float64),
         outputs=np.array(outputs, dtype=np.float64),
-        compensations=np.empty(0),
+        compensations=np.array(compensations, dtype=np.float64),
         command_sequence=0,
     )
     return Sent("/flexarm/io", type_name, stamp_ns, raw)
+
+
+def io_reference(time_ns: int, *values: float) -> Sent:
+    """Return the set-points of a rig on /flexarm/io_reference."""
+    type_name = "std_msgs/msg/Float64MultiArray"
+    types = typestore().types
+    layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    raw = serialised(type_name, layout=layout, data=np.array(values))
+    return Sent("/flexarm/io_reference", type_name, time_ns, raw)
+
+
+def rig_description(time_ns: int, text: str) -> Sent:
+    """Return a rig's description on /flexarm/rig_description."""
+    type_name = "std_msgs/msg/String"
+    return Sent("/flexarm/rig_description", type_name, time_ns, serialised(type_name, data=text))
 
 
 def channel_info(

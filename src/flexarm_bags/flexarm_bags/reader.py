@@ -56,6 +56,8 @@ MOTOR_COMMAND = "flexarm_msgs/msg/MotorCommand"
 COMMANDER_INFO = "flexarm_msgs/msg/CommanderInfo"
 LAW_IN_FORCE = "flexarm_msgs/msg/LawInForce"
 REFERENCE = "std_msgs/msg/Float64"
+REFERENCES = "std_msgs/msg/Float64MultiArray"
+TEXT = "std_msgs/msg/String"
 
 _NS = 1_000_000_000
 # What a message that is read by itself takes beside its bytes.
@@ -297,6 +299,10 @@ class Bag:
             closed_loop=bool(info.closed_loop),
             source=str(info.source),
         )
+
+    def text(self, topic: str) -> str:
+        """Return the last text of a topic, empty when there is none."""
+        return str(self.messages(topic, TEXT)[-1].data) if self.has(topic, TEXT) else ""
 
     def declared_loops(self, topic: str) -> list[bool]:
         """Return for each declared commander whether it used the outputs."""

@@ -168,6 +168,7 @@ class ControllerNode(AnsweringNode):
         setup, taken_ns = self._setup, sample.taken_ns
         if self._references is None:
             self._references = first_references(setup, sample)
+            self._publish_reference()
         if (followed := self._followed) is not None:
             self._references = followed.references(taken_ns, sample.outputs)
         references = self._references

@@ -188,12 +188,13 @@ def _found(
 
 def _with_reference(record: IoData) -> IoData:
     """Return a record with its set-point, if it is known, as a further output."""
-    if record.reference is None or np.ptp(record.reference) == 0.0:
+    if record.reference is None or not np.ptp(record.reference, axis=0).any():
         return record
+    set_points = record.reference.reshape(len(record), -1)
     return replace(
         record,
-        y=np.column_stack([record.y_usable, record.reference]),
-        outputs=(*record.outputs, "reference"),
+        y=np.column_stack([record.y_usable, set_points]),
+        outputs=(*record.outputs, *(f"set-point {k + 1}" for k in range(set_points.shape[1]))),
         missing=None,
         input_held=None,
     )

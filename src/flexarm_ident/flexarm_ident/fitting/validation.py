@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
 
 _NUMBERED = re.compile(r"[uy]\[\d+\]")
-_LAW_OUTPUTS = tuple(CHANNEL_NAMES[each] for each in (0, 3, 2))
+LAW_OUTPUTS = tuple(CHANNEL_NAMES[each] for each in (0, 3, 2))
 _LAW_RESIDUAL = 1e-6
 # Share of the rows that a law must explain, and the reweightings that find it.
 _LAW_SHARE = 0.9
@@ -253,8 +253,8 @@ def validate_sfv(
         If the record has no reference, no linear law made its input, or the model does not fit.
     """
     check_model(model, data)
-    if data.reference is None:
-        raise IdentificationError(f"{data.label}: SFV needs the recorded reference, there is none")
+    if data.reference is None or data.reference.ndim > 1:
+        raise IdentificationError(f"{data.label}: SFV needs the recorded reference of one output")
     law = gains or recover_gains(data)
     if law is None:
         raise IdentificationError(
@@ -264,7 +264,7 @@ def validate_sfv(
     if np.any(model.D):
         raise IdentificationError("SFV needs a model without feedthrough (D = 0)")
     feedback = np.zeros((1, model.noutputs))
-    for name, gain in zip(_LAW_OUTPUTS, (law.kp, law.kd, law.ksg), strict=True):
+    for name, gain in zip(LAW_OUTPUTS, (law.kp, law.kd, law.ksg), strict=True):
         if gain != 0.0:
             feedback[0, data.outputs.index(name)] = gain
     A = model.A - model.B @ feedback @ model.C
@@ -296,11 +296,11 @@ def recover_gains(data: IoData, *, limit_v: float = MAX_COMMAND_V) -> Gains | No
         The law; None when the record has no reference, lacks one of the outputs, or its effort does
         not come from such a law.
     """
-    if data.reference is None or data.u.shape[1] != 1:
+    if data.reference is None or data.reference.ndim > 1 or data.u.shape[1] != 1:
         return None
-    if not set(_LAW_OUTPUTS) <= set(data.outputs):
+    if not set(LAW_OUTPUTS) <= set(data.outputs):
         return None
-    position, speed, strain = (data.y[:, data.outputs.index(name)] for name in _LAW_OUTPUTS)
+    position, speed, strain = (data.y[:, data.outputs.index(name)] for name in LAW_OUTPUTS)
     free = (np.abs(data.u[:, 0]) < limit_v) & ~np.isnan(data.y_measured).any(axis=1)
     columns = [data.reference - position, -speed, -strain, np.ones(len(data))]
     regressors, effort = np.stack(columns, axis=1)[free], data.effort[free, 0]

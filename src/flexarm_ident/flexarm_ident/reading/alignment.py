@@ -146,6 +146,7 @@ class Alignment:
         samples: Recorded,
         *,
         reference: Recorded | None = None,
+        tracked: Sequence[str] = (),
         declared: Sequence[bool] = (),
         told: Sequence[DataWarning] = (),
     ) -> BagReading:
@@ -156,8 +157,10 @@ class Alignment:
         samples : Recorded
             All messages of the topic.
         reference : Recorded, optional
-            ``Float64`` messages, sent when the reference changes, before the command that answers a
-            sample.
+            ``Float64`` or ``Float64MultiArray`` messages, sent when the reference changes, before
+            the command that answers a sample.
+        tracked : sequence of str
+            Outputs that set-points are for, as of `IoData`.
         declared : sequence of bool
             As in `loop_kind`.
         told : sequence of DataWarning
@@ -182,7 +185,11 @@ class Alignment:
         notices = (*header.notices, *told)
         width = len(header.inputs)
         data = header.record(
-            u[:, :width], y, compensation=u[:, width:], reference=followed, notices=notices
+            *(u[:, :width], y),
+            compensation=u[:, width:],
+            reference=followed,
+            tracked=tracked if followed is not None else (),
+            notices=notices,
         )
         data = replace(data, closed_loop=_loop_kind(declared, data.head))
         steps, in_force = np.diff(self.marks.sequence), np.diff(self.marks.command_sequence)
@@ -377,7 +384,7 @@ def _duration_s(stamps_ns: NDArray[np.int64]) -> float:
 def _references(
     reference: Recorded, table: Timetable, log_times_ns: NDArray[np.int64]
 ) -> FloatArray:
-    """Return the last reference sent before the sample that follows, per row, or the first one."""
+    """Return the last reference sent before the sample that follows, or the first one, by row."""
     start_ns = log_times_ns[0]
     next_ns = np.interp(np.arange(1, table.rows + 1), table.grid.instants, log_times_ns - start_ns)
     order = np.argsort(reference.log_times_ns, kind="stable")

@@ -18,10 +18,13 @@ from flexarm_bags.reader import (
     IO_SAMPLE,
     MOTOR_COMMAND,
     REFERENCE,
+    REFERENCES,
     opened,
     sibling,
 )
-from flexarm_core.errors import BagError
+from flexarm_core.errors import BagError, SettingError
+from flexarm_core.labels import without_dots
+from flexarm_core.rig_description import described
 from flexarm_ident.reading.alignment import arm_alignment, io_alignment
 from flexarm_ident.reading.channels import selected
 from flexarm_ident.reading.fields import number_fields, numbers_in
@@ -29,7 +32,7 @@ from flexarm_ident.reading.stream import BagStream
 from flexarm_ident.reading.told_changes import told_changes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from flexarm_bags.reader import Bag, Recorded
     from flexarm_core.arrays import FloatArray
@@ -78,10 +81,11 @@ def read_bag_report(
         aligned = _aligned(bag, chosen, lambda: [samples], commands, wrap)
         if not aligned.is_running:
             return aligned.reading(samples)
-        reference = bag.optional(sibling(chosen, "reference"), REFERENCE)
+        reference, tracked = _set_points(bag, chosen, aligned.header.outputs)
         return aligned.reading(
             samples,
             reference=reference,
+            tracked=tracked,
             declared=bag.declared_loops(chosen),
             told=told_changes(bag, chosen, samples, aligned.table),
         )
@@ -210,6 +214,21 @@ def _aligned(
         return arm_alignment(samples, commands, source=str(bag.path))
     channels = bag.channels(sibling(topic, "io_channels"))
     return io_alignment(samples, channels, source=str(bag.path), commands=commands, wrap=wrap)
+
+
+def _set_points(
+    bag: Bag, topic: str, outputs: Sequence[str]
+) -> tuple[Recorded | None, tuple[str, ...]]:
+    """Return the recorded set-points of a rig, and the outputs that they are for."""
+    if bag.types[topic] == ARM_STATE:
+        return bag.optional(sibling(topic, "reference"), REFERENCE), ()
+    try:
+        tracked = described(bag.text(sibling(topic, "rig_description"))).tracked
+    except SettingError:  # none, or that of another version
+        tracked = ()
+    if not tracked or not set(without_dots(tracked)) <= set(outputs):
+        return None, ()
+    return bag.optional(sibling(topic, "io_reference"), REFERENCES), tracked
 
 
 def _command_pieces(bag: Bag, topic: str) -> Iterable[Recorded]:

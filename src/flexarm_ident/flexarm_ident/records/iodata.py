@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -54,8 +54,10 @@ class IoData:
         Origin of the record, for messages and reports.
     compensation : array_like, (samples, inputs), optional
         The part of `u` that compensated Coulomb friction (section 2.4.3). None: no such part.
-    reference : array_like, (samples,), optional
-        Set-point of the first output.
+    reference : array_like, (samples,) or (samples, tracked), optional
+        Set-points, in the units of the outputs; one-dimensional where there is one.
+    tracked : sequence of str
+        Outputs that the set-points are for; none given: the first output.
     notices : tuple of DataWarning
         Known defects of the recording, such as lost samples. An identification repeats them.
     missing : array_like of bool, (samples, outputs), optional
@@ -88,6 +90,7 @@ class IoData:
     source: str = ""
     compensation: FloatArray | None = None
     reference: FloatArray | None = None
+    tracked: tuple[str, ...] = ()
     notices: tuple[DataWarning, ...] = ()
     missing: BoolArray | None = None
     input_held: BoolArray | None = None
@@ -98,6 +101,7 @@ class IoData:
     def __post_init__(self) -> None:
         self._set("inputs", without_dots(self.inputs))
         self._set("outputs", without_dots(self.outputs))
+        self._set("tracked", without_dots(self.tracked))
         self._set("dt_s", float(self.dt_s))
         if not (math.isfinite(self.dt_s) and self.dt_s > 0.0):
             raise DataError(f"{self.label}: dt_s must be a positive number of seconds: {self.dt_s}")
@@ -109,8 +113,9 @@ class IoData:
             names = tuple(f"compensation of {name}" for name in self.inputs)
             self._set("compensation", self._checked(self.compensation, "compensation", names))
         if self.reference is not None:
-            reference = self._checked(self.reference, "reference", ("reference",))
-            self._set("reference", reference[:, 0])
+            names = tuple(f"set-point of {name}" for name in self._tracked)
+            reference = self._checked(self.reference, "reference", names)
+            self._set("reference", reference[:, 0] if len(names) == 1 else reference)
         for name in ("compensation", "reference", "input_held"):
             column = getattr(self, name)
             if column is not None and len(column) != len(self.u):
@@ -150,6 +155,10 @@ class IoData:
         return list(zip(self.outputs, self.y_measured.T, strict=True))
 
     @property
+    def _tracked(self) -> tuple[str, ...]:
+        return self.tracked or self.outputs[:1]
+
+    @property
     def _size(self) -> str:
         span = f"{counted(len(self), 'sample')} at {1.0 / self.dt_s:.6g} Hz"
         return f"{self.label}: {span}, {len(self) * self.dt_s:.4g} s"
@@ -173,6 +182,10 @@ class IoData:
     def effort(self) -> FloatArray:
         """Input without the Coulomb compensation (section 2.4.3), (samples, inputs)."""
         return self.u if self.compensation is None else self.u - self.compensation
+
+    def of_tracked(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return those values, (outputs,), that belong to the set-points, (tracked,)."""
+        return values[[self.outputs.index(name) for name in self._tracked]]
 
     @cached_property
     def usable(self) -> BoolArray:

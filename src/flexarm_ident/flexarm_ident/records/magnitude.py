@@ -43,7 +43,7 @@ def in_range(data: IoData) -> IoData:
         u=_times(data.u, inputs),
         y=_times(data.y, outputs),
         compensation=None if compensation is None else _times(compensation, inputs),
-        reference=None if reference is None else _times(reference, outputs[0]),
+        reference=None if reference is None else _times(reference, data.of_tracked(outputs)),
         notices=(*data.notices, *notices),
     )
 

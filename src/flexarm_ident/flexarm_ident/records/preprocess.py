@@ -173,7 +173,7 @@ def _rest_level(data: IoData) -> FloatArray:
 
 
 def _subtract(data: IoData, bias: FloatArray) -> IoData:
-    reference = None if data.reference is None else data.reference - bias[0]
+    reference = None if data.reference is None else data.reference - data.of_tracked(bias)
     return replace(data, y=data.y - bias, reference=reference)
 
 

@@ -17,6 +17,7 @@ from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.estimation.simulation_fit import is_compensated
 from flexarm_ident.estimation.streaming import excerpt, leading, validate_stream, without_bias
 from flexarm_ident.fitting.validation import (
+    LAW_OUTPUTS,
     mean_error,
     recover_gains,
     validate_dmv,
@@ -295,7 +296,7 @@ def _fit_error(model: control.StateSpace, records: Sequence[IoData]) -> float:
 def _set_point_following(
     model: control.StateSpace, record: _Record, request: Request
 ) -> tuple[Sfv | None, list[str]]:
-    if record.shown.reference is None:
+    if record.shown.reference is None or not set(LAW_OUTPUTS) <= set(record.shown.outputs):
         return None, []
     law = recover_gains(record.shown)
     if law is None:

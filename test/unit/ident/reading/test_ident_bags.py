@@ -11,6 +11,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from flexarm_bags.writer import BagWriter
 from flexarm_ident.reading.read import read_bag, read_bag_report
 from flexarm_ident.records.iodata import ARM_OUTPUTS
+from flexarm_ident.records.preprocess import preprocess
 from support.bag_samples import (
     FOREIGN_FORMATS,
     START_NS,
@@ -18,6 +19,7 @@ from support.bag_samples import (
     arm_state,
     channel_info,
     commander_info,
+    io_reference,
     io_sample,
     mcap_file,
     motor_command,
@@ -25,6 +27,7 @@ from support.bag_samples import (
     outputs,
     recorded_topics,
     reference,
+    rig_description,
     typestore,
     write_bag,
     write_foreign_bag,
@@ -93,6 +96,50 @@ def test_read___reference___is_the_last_one_sent_before_the_next_sample(tmp_path
 
     assert data.reference is not None
     assert data.reference.tolist() == [1.0, 1.0, 2.0, 3.0]
+
+
+TWO_JOINTS = """\
+name: two
+rate_hz: 500
+inputs: {a: {unit: V, limits: 5}, b: {unit: V, limits: 5}}
+outputs: {strain: {quantity: strain, unit: V, per_si: 1, range: 5}, p: {unit: rad}, q: {unit: deg}}
+joints: {one: {input: a, angle: p, travel: 1}, two: {input: b, angle: q, travel: 90}}
+tracked: TRACKED
+driver: twin
+"""
+
+
+@pytest.mark.parametrize("tracked", [("p", "q"), ("q",)])
+def test_read___set_points_of_another_rig___are_those_of_its_tracked_outputs(
+    tmp_path: Path, tracked: tuple[str, ...]
+) -> None:
+    text = TWO_JOINTS.replace("TRACKED", f"[{', '.join(tracked)}]")
+    text = text.replace("{unit: rad}", "{quantity: angle, unit: rad}")
+    text = text.replace("{unit: deg}", "{quantity: angle, unit: deg}")
+    times_ns = [START_NS + k * STEP_NS for k in range(4)]
+    places, goals = [0.1, 20.0][-len(tracked) :], [0.5, -45.0][-len(tracked) :]
+    sent = [
+        channel_info(times_ns[0], ["a", "b"], ["strain", "p", "q"], 500.0),
+        rig_description(times_ns[0], text),
+        io_reference(times_ns[0] - 5, *places),
+        # It follows the second sample.
+        io_reference(times_ns[1] + 100, *goals),
+        *(
+            io_sample(1 + k, time_ns, [1.0, 2.0], [0.0, 0.1, 20.0], [0.0, 0.0])
+            for k, time_ns in enumerate(times_ns)
+        ),
+    ]
+
+    data = read_bag(write_bag(tmp_path / "run", sent))
+
+    assert data.tracked == tracked
+    assert data.reference is not None
+    assert data.reference.shape == ((3,) if len(tracked) == 1 else (3, 2))
+    assert data.reference.reshape(3, -1).tolist() == [places, goals, goals]
+    # Units and offsets of each set-point are those of its output.
+    rest = preprocess(data, bias="first").reference
+    assert rest is not None
+    assert rest.reshape(3, -1)[0].tolist() == [0.0] * len(tracked)
 
 
 def test_read___reference_only_later___takes_it_before_too(tmp_path: Path) -> None:
