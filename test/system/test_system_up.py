@@ -160,6 +160,50 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
     assert run.command_v[alone[-1] + 1 :].any()
 
 
+FAILING = """\
+from flexarm_daq.rigs.rig_protocol import RigSample
+
+class Failing:
+    def open(self):
+        self.count = 0
+
+    def read(self):
+        self.count += 1
+        if self.count > 20:
+            raise OSError("the bus is gone")
+        return RigSample(0.02 * self.count, [0.0])
+
+    def write(self, commands):
+        pass
+
+    def safe_stop(self):
+        pass
+
+    close = safe_stop
+"""
+FAILING_RIG = """\
+name: failing
+rate_hz: 50
+inputs: {motor: {unit: V, limits: 5}}
+outputs: {hub: {quantity: angle, unit: rad}}
+joints: {hip: {input: motor, angle: hub, travel: 1}}
+driver: failing.py:Failing
+"""
+
+
+def test_up___driver_that_fails___ends_at_once_with_the_reason(
+    graph: Graph, tmp_path: Path
+) -> None:
+    (tmp_path / "failing.py").write_text(FAILING)
+    (tmp_path / "rig.yaml").write_text(FAILING_RIG)
+    rig = ("--rig", str(tmp_path / "rig.yaml"))
+    process = graph.run([str(ROOT / "flexarm"), "up", "--no-page", *rig])
+    assert process.exit_code() == 1
+    reason = "flexarm: daq: the loop has ended: OSError: the bus is gone (failing.py:10)"
+    assert process.printed.splitlines()[-1].startswith(reason)
+    assert "is the DAQ node active?" not in process.printed
+
+
 def test_up___recorder_killed___arm_goes_on_and_another_recorder_takes_its_place(
     graph: Graph, tmp_path: Path
 ) -> None:

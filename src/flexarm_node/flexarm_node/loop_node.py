@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     Figures = Mapping[str, object]
 
 PARAMETERS = read_table("flexarm_node", "loop_node")
+ENDED = "the loop has ended"
+"""Begin of the trouble of a node whose loop has failed."""
 """Parameters of every node with a loop, beside its own."""
 _REPORT_S = 1.0
 _STEP_S = 0.05
@@ -287,7 +289,7 @@ class LoopNode(LifecycleNode):
                 self.loop(self._stopping)
             self._tell(self.alarm())
         except Exception as error:  # noqa: BLE001 - the node outlives its loop, and shows it
-            self._tell(f"the loop has ended: {self._reason(error)}")
+            self._tell(f"{ENDED}: {self._reason(error)}")
         self._last_entries = [each for figures in self.figures() for each in entries(figures)]
         self._report_idle()
         if not self._stopping.is_set():

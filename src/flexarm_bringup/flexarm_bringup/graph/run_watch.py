@@ -11,6 +11,7 @@ from flexarm_bringup.graph.figures import Run
 from flexarm_core.patience import Patience
 from flexarm_msgs.msg import ArmState, IoSample
 from flexarm_node import qos
+from flexarm_node.loop_node import ENDED
 from flexarm_node.stamps import stamp_ns, stamp_text
 from flexarm_node.topics.waiting import RawTopicsWaiter
 
@@ -72,6 +73,11 @@ class RunWatch:
             self._states.close()
             self._states = None
         self._newest = 0
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the loop has ended by a failure, which is the trouble then."""
+        return self.trouble.startswith(ENDED)
 
     @property
     def sequence(self) -> int:

@@ -18,6 +18,7 @@ from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import LABORATORY, recorded_topics, running_graph
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.run_watch import RunWatch
 from flexarm_bringup.verbs.laboratory.live_page import (
     FOXGLOVE,
     FOXGLOVE_NODE,
@@ -156,7 +157,7 @@ def up(
     machine. A board does not: a controller that ends leaves the arm to itself, with the drive at
     zero, and another one may be started in its place. A deactivated controller leaves its place in
     one process as well. The arm goes on without any other node that ends, and the exit code is 1
-    then. The end of the DAQ node is that of all.
+    then. The end of the DAQ node is that of all, and so is a failure of its loop.
     """
     if twin is not None:
         if rig != USUAL_RIG:
@@ -309,7 +310,7 @@ def _stay(
     addresses: Sequence[Address],
     settings: _Settings,
 ) -> None:
-    """Show complaints of the nodes until Ctrl-C; only the end of the DAQ node is that of all."""
+    """Show complaints of the nodes until Ctrl-C; only the end of the DAQ's loop is that of all."""
     since = SetSince(operator, "controller")
 
     def controller() -> str:
@@ -331,6 +332,8 @@ def _stay(
 
     def look() -> bool:
         """Show the news; never done."""
+        if run.has_ended:
+            raise LaunchError(f"daq: {run.trouble}")
         complaints.show(_COMPLAINTS)
         for address in addresses:
             address.look()
@@ -338,7 +341,8 @@ def _stay(
         return False
 
     try:
-        operator.wait(look, "", timeout_s=inf)
+        with RunWatch(operator.node) as run:
+            operator.wait(look, "", timeout_s=inf)
     except KeyboardInterrupt:
         terminal.CONSOLE.print("stopping")
         lost.check()
