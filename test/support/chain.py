@@ -73,7 +73,7 @@ def driven_chain(
     with connect(live, compression=None, ping_interval=None) as page:
         frame_after(page, lambda frame: np.isfinite(frame[-1, angles]).all())
         for joint in description.joints:
-            reply = ask(page, do="reference", joint=joint.name, value_v=GOAL_RAD)
+            reply = ask(page, do="reference", joint=joint.name, value=GOAL_RAD)
             assert reply["ok"], reply
         frame_after(page, lambda frame: (np.abs(frame[-1, angles] - GOAL_RAD) < 0.015).all())
     running.send(signal.SIGINT)

@@ -235,7 +235,7 @@ class LiveMock:
         self.badge, self.arm.driven = "DRIVING", True
 
     def _do_reference(self, request: dict[str, Any]) -> None:
-        self.arm.move(request.get("joint", ""), request["value_v"])
+        self.arm.move(request.get("joint", ""), request["value"])
 
     def _do_waveform(self, request: dict[str, Any]) -> None:
         self.waveform = request

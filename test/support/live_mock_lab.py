@@ -128,7 +128,7 @@ def greeting(rate_hz: float, *, hand: bool) -> dict[str, Any]:
         "rate_hz": rate_hz,
         "simulated": True,
         "channels": [
-            {"name": name, "unit": "V", "si_unit": si, "si_per_v": factor, "group": group}
+            {"name": name, "unit": "V", "si_unit": si, "si_per_unit": factor, "group": group}
             for name, si, factor, group in CHANNELS
         ],
         "arm": {

@@ -150,16 +150,16 @@ def test_up___its_page___moves_each_joint_stops_and_releases(graph: Graph, tmp_p
 
         # A controller that has seen where the joints are.
         frame_after(page, lambda frame: frame[-1, inputs].all())
-        done(do="reference", joint="joint_1", value_v=0.5)
-        done(do="reference", joint="hub2", value_v=-0.25)
+        done(do="reference", joint="joint_1", value=0.5)
+        done(do="reference", joint="hub2", value=-0.25)
         for joint, value, said in (
             ("joint_3", 0.1, "no joint 'joint_3'"),
             ("", 0.1, "name one"),
             ("joint_1", 1.6, "the travel of joint_1 is -1.5 to 1.5"),
         ):
-            assert said in ask(page, do="reference", joint=joint, value_v=value)["message"]
+            assert said in ask(page, do="reference", joint=joint, value=value)["message"]
         frame_after(page, lambda frame: np.allclose(frame[-1, angles], (0.5, -0.25), atol=0.02))
-        done(do="reference", joint="joint_1", value_v=-0.5)
+        done(do="reference", joint="joint_1", value=-0.5)
         frame_after(page, lambda frame: frame[-1, inputs].all())
         done(do="stop")
         frame_after(page, lambda frame: not frame[:, inputs].any())
@@ -191,7 +191,7 @@ def test_up___twin_of_a_measured_arm_under_its_servo___both_joints_go_where_they
     live = address.replace("http", "ws", 1).replace("/#", "/live?")
     with connect(live, compression=None, ping_interval=None) as page:
         frame_after(page, lambda frame: len(frame) > 0)
-        reply = ask(page, do="reference", joint="shoulder", value_v=10.0)
+        reply = ask(page, do="reference", joint="shoulder", value=10.0)
         assert reply["ok"], reply
         put = graph.run([str(ROOT / "flexarm"), "reference", "elbow", "5deg"])
         assert put.exit_code() == 0, put.printed

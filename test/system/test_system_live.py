@@ -48,13 +48,13 @@ def test_up___its_page___shows_samples_and_drives_the_arm(
         assert (np.diff(numbers) >= 1.0).all()
 
         assert ask(page, do="payload", kg=0.2)["ok"] is True
-        assert ask(page, do="reference", value_v=1.0)["ok"] is True
+        assert ask(page, do="reference", value=1.0)["ok"] is True
         arrived = frame_after(page, lambda frame: frame[-1, COLUMN["position_v"]] > 0.7)
         assert arrived[-1, COLUMN["reference_v"]] == 1.0
 
         assert ask(page, do="waveform", kind="sine", amplitude_v=2.0, period_s=1.0)["ok"] is True
         frame_after(page, lambda frame: frame[-1, COLUMN["reference_v"]] < -0.5)
-        refused = ask(page, do="reference", value_v=1.0)
+        refused = ask(page, do="reference", value=1.0)
         assert "the controller follows its own, sine" in refused["message"]
 
         assert ask(page, do="stop")["ok"] is True
@@ -111,9 +111,9 @@ def test_page___while_an_experiment_runs___leaves_the_arm_to_it(
 
         refused = told(do="set", node="daq", name="payload_kg", value=200)
         assert "payload_kg = 200 is not within 0 to 1 kg" in refused["message"]
-        beyond = told(do="reference", value_v=6.8)["data"]["note"]
+        beyond = told(do="reference", value=6.8)["data"]["note"]
         assert "beyond the bound of 6.5 V" in beyond
-        assert told(do="reference", value_v=0.0)["data"]["note"] == ""
+        assert told(do="reference", value=0.0)["data"]["note"] == ""
         job = told(do="experiment", name="O_dat1")["data"]["job"]
         assert told(do="status")["data"]["has_experiment"] is True
         for request in (
@@ -127,7 +127,7 @@ def test_page___while_an_experiment_runs___leaves_the_arm_to_it(
             assert f"job {job}, experiment, is at work: cancel it or wait" in refused["message"]
         assert told(do="cancel", job=job)["ok"] is True
         graph.wait(lambda: not told(do="status")["data"]["has_experiment"], "the end of the job")
-        assert told(do="reference", value_v=1.0)["ok"] is True
+        assert told(do="reference", value=1.0)["ok"] is True
     process.send(signal.SIGINT)
     assert process.exit_code() == 0, process.printed
 

@@ -118,9 +118,9 @@ class SocketClient:
 
     def reference(self, value: float, joint: str = "") -> SetPoint:
         """Give the controller a set-point, V of the thesis's arm; return the one in force."""
-        named: dict[str, Any] = {"value_v": value} | ({"joint": joint} if joint else {})
+        named: dict[str, Any] = {"value": value} | ({"joint": joint} if joint else {})
         data = self.ask("reference", **named).data
-        return SetPoint(float(data["value_v"]), str(data.get("note", "")))
+        return SetPoint(float(data["value"]), str(data.get("note", "")))
 
     def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
         """Return the parameters of a node, or of every one, with values, bounds and units.

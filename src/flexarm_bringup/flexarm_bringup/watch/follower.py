@@ -107,7 +107,8 @@ class Follower:
     def move_by(self, degrees: float) -> None:
         """Move the first set-point, degrees; of one that is not an angle as many per cent of it."""
         is_ours = time.monotonic() - self._moved_s < _OWN_WORD_S
-        here_v = self._moved_v if is_ours else self.state.get("reference_v") or 0.0
+        in_force = next(iter(self.state.get("references", ())), None)
+        here_v = self._moved_v if is_ours else in_force or 0.0
         for first in self.units.set_points[:1]:
             low, high = _ends(first)
             percent = (high - low) / 100.0 if math.isfinite(high - low) else 1.0

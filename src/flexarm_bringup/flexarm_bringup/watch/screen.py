@@ -74,7 +74,7 @@ class Units:
 
     def per_v(self, name: str) -> float:
         """Return how much of the unit that is shown one own unit of a channel is."""
-        return float(self._channels[name]["si_per_v"])
+        return float(self._channels[name]["si_per_unit"])
 
     def is_angle(self, name: str) -> bool:
         """Return whether a channel is shown in degrees."""

@@ -50,14 +50,11 @@ def columns_of(rig: RigDescription) -> tuple[str, ...]:
 
 def about_arm(rig: RigDescription, *, simulated: bool) -> dict[str, Any]:
     """Return the part of the first message that needs no node."""
-    tracked = list(_tracked(rig))
-    low, high = (tracked[0]["low"], tracked[0]["high"]) if tracked else (math.nan, math.nan)
     about: dict[str, Any] = {
         "channels": _channels(rig),
-        "rig": _rig(rig, tracked),
+        "rig": _rig(rig, list(_tracked(rig))),
         "laws": list(LAWS),
         "law_titles": {name: law.title for name, law in LAWS.items()},
-        "reference": {"low_v": low, "high_v": high},
     }
     if not is_thesis_arm(rig):
         return about | {"experiments": [_scaled(rig, each) for each in _open_loop()]}
@@ -96,7 +93,13 @@ def _channels(rig: RigDescription) -> list[dict[str, Any]]:
         _channel(name, outputs[output], groups[output])
         for name, output in zip(_references(rig), rig.tracked, strict=True)
     ]
-    sequence = {"name": SEQUENCE, "unit": "", "si_unit": "", "si_per_v": 1.0, "group": "sequence"}
+    sequence = {
+        "name": SEQUENCE,
+        "unit": "",
+        "si_unit": "",
+        "si_per_unit": 1.0,
+        "group": "sequence",
+    }
     if is_thesis_arm(rig):
         return [*rows, sequence]
     ends = _ends(rig)
@@ -131,7 +134,7 @@ def _channel(name: str, channel: Channel, group: str) -> dict[str, Any]:
         "name": name,
         "unit": channel.unit,
         "si_unit": unit,
-        "si_per_v": per_unit,
+        "si_per_unit": per_unit,
         "group": group,
     }
 

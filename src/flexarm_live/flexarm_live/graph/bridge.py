@@ -137,7 +137,6 @@ class Bridge:
             **found,
             "has_experiment": has_experiment,
             "law": controller.get("law"),
-            "reference_v": next(iter(self.samples.references), math.nan),
             "references": self.samples.references,
             "payload_kg": daq.get("payload_kg") if self.loop.simulated else None,
             "fault": daq.get("fault"),
@@ -236,15 +235,15 @@ class Bridge:
             await self.loop.deactivate(name)
         return Answer(f"{node or ' and '.join(LOOP)} not active: the drive is at zero")
 
-    async def _on_reference(self, value_v: float, joint: str = "") -> Answer:
-        request = SetReference.Request(reference_v=float(value_v), joint=joint)
+    async def _on_reference(self, value: float, joint: str = "") -> Answer:
+        request = SetReference.Request(reference_v=float(value), joint=joint)
         answer = await self._calls.call(SetReference, "set_reference", request, _REFERENCE_S)
         if not answer.success:
             raise FlexarmError(answer.message)
         beyond = await self._beyond_bound(answer.reference_v)
         note = ", ".join(filter(None, (answer.message, beyond)))
         words = [f"set-point {answer.reference_v:.3f} {self._unit(joint)}", note]
-        data = {"value_v": answer.reference_v, "note": note}
+        data = {"value": answer.reference_v, "note": note}
         return Answer(": ".join(filter(None, words)), data)
 
     def _unit(self, joint: str) -> str:

@@ -112,7 +112,7 @@ export class Setpoint {
   #send() {
     this.#waiting = null;
     this.#sentMs = performance.now();
-    attempt(() => this.link.request("reference", { value_v: this.value, ...this.joint }));
+    attempt(() => this.link.request("reference", { value: this.value, ...this.joint }));
   }
 }
 

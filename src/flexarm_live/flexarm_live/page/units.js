@@ -27,7 +27,7 @@ export class Units extends EventTarget {
 
   /** SI units, or degrees, of one unit of a signal. */
   siFactor(name) {
-    return this.channels.get(name).si_per_v;
+    return this.channels.get(name).si_per_unit;
   }
 
   factor(name) {

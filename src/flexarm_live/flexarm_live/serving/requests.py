@@ -182,7 +182,7 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
         "deactivate": Verb(Needs.HOLD, {"node": _LOOP_NODE}),
         # The controller knows the travel of the arm.
         "reference": Verb(
-            Needs.HOLD, {"value_v": Field("number"), "joint": Field("text", required=False)}
+            Needs.HOLD, {"value": Field("number"), "joint": Field("text", required=False)}
         ),
         "waveform": Verb(
             Needs.HOLD,

@@ -80,7 +80,7 @@ class Up:
         data = {
             "get": {"params": PARAMS} if "node" in request else {"nodes": {"controller": PARAMS}},
             "address": {"url": "http://127.0.0.1:8117/#token=none"},
-            "reference": {"value_v": request.get("value_v"), "note": self.note},
+            "reference": {"value": request.get("value"), "note": self.note},
             "status": {"reports": self.later(len(self.asked))},
         }.get(request["do"], {})
         return {"id": 0, "ok": not self.refusal, "message": self.refusal or "held", "data": data}
@@ -170,7 +170,7 @@ def test_reference___is_in_the_unit_of_the_running_rig_or_has_its_own(
 ) -> None:
     monkeypatch.setattr(f"{__name__}.PARAMS", [{"name": "rig", "value": rig}])
     assert told(remote.reference, *words) == f"set-point {printed}\n"
-    assert up.asked[-1]["value_v"] == pytest.approx(asked, rel=1e-6)
+    assert up.asked[-1]["value"] == pytest.approx(asked, rel=1e-6)
     assert up.asked[-1].get("joint", "") == "".join(words[:-1])
 
 

@@ -49,7 +49,7 @@ class WatchedLaboratory(MemoryLaboratory):
 
     def state(self) -> Mapping[str, Any]:
         """Return a state with a set-point."""
-        return {"badge": "READY", "reason": "no command in force", "reference_v": 1.0}
+        return {"badge": "READY", "reason": "no command in force", "references": [1.0]}
 
     async def carry_out(self, request: Request) -> Answer:
         """Note a request; return what was wanted, or one sample."""
@@ -116,7 +116,7 @@ def test_watch___in_a_terminal___shows_the_arm_and_hears_the_keys(live: LiveServ
     screen.type("\x1bOD")
     until(lambda: any(each.verb == "reference" for each in asked))
     moved = next(each for each in asked if each.verb == "reference")
-    assert moved.fields["value_v"] == pytest.approx(1.0 + 3.0 / 35.0)
+    assert moved.fields["value"] == pytest.approx(1.0 + 3.0 / 35.0)
     screen.read_until("set-point +12.67 deg")
     screen.type("q")
     assert screen.close() == 0

@@ -138,7 +138,7 @@ def _without_clients(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("_without_clients")
 def test_set_point___of_a_joint___is_asked_of_the_controller_in_its_unit(tmp_path: Path) -> None:
     bridge, controller = made_bridge(TWO_JOINTS, tmp_path)
-    request = parse('{"id": 1, "do": "reference", "value_v": 1.25, "joint": "elbow"}')
+    request = parse('{"id": 1, "do": "reference", "value": 1.25, "joint": "elbow"}')
     answer = asyncio.run(bridge.carry_out(request))
     assert controller.asked == [("elbow", 1.25)]
     assert answer.message == "set-point 1.250 rad"
@@ -147,7 +147,7 @@ def test_set_point___of_a_joint___is_asked_of_the_controller_in_its_unit(tmp_pat
 @pytest.mark.usefixtures("_without_clients")
 def test_set_point___without_a_joint___is_that_of_the_first(tmp_path: Path) -> None:
     bridge, controller = made_bridge(TWO_JOINTS, tmp_path)
-    answer = asyncio.run(bridge.carry_out(parse('{"do": "reference", "value_v": 200}')))
+    answer = asyncio.run(bridge.carry_out(parse('{"do": "reference", "value": 200}')))
     assert controller.asked == [("", 200.0)]
     assert answer.message == "set-point 200.000 count"
 

@@ -61,7 +61,7 @@ def test_page___without_a_token___sees_and_cannot_command(
         assert received(page)["hand"] is False
         assert received(page)["badge"] == "READY"
         assert ask(page, do="bags")["ok"] is True
-        for request in ({"do": "stop"}, {"do": "reference", "value_v": 1.0}, {"do": "hold"}):
+        for request in ({"do": "stop"}, {"do": "reference", "value": 1.0}, {"do": "hold"}):
             refused = ask(page, **request)
             assert refused["ok"] is False
             assert "may only look on" in refused["message"]
@@ -239,16 +239,16 @@ def test_garbage___is_refused___with_a_reason(good: ClientConnection, text: str 
 @pytest.mark.parametrize(
     ("request_", "word"),
     [
-        ('"do": "reference", "value_v": NaN', "JSON"),
-        ('"do": "reference", "value_v": Infinity', "JSON"),
-        ('"do": "reference", "value_v": 1e999', "finite"),
-        ('"do": "reference", "value_v": 1, "joint": 2', "text"),
-        ('"do": "reference", "value_v": "1"', "finite"),
-        ('"do": "reference", "value_v": true', "finite"),
-        ('"do": "reference", "value_v": ' + "9" * 400, "finite"),
+        ('"do": "reference", "value": NaN', "JSON"),
+        ('"do": "reference", "value": Infinity', "JSON"),
+        ('"do": "reference", "value": 1e999', "finite"),
+        ('"do": "reference", "value": 1, "joint": 2', "text"),
+        ('"do": "reference", "value": "1"', "finite"),
+        ('"do": "reference", "value": true', "finite"),
+        ('"do": "reference", "value": ' + "9" * 400, "finite"),
         ('"do": "reference"', "missing"),
         ('"do": "payload", "kg": 2', "outside 0 to 1"),
-        ('"do": "referense", "value_v": 1', "nearest: reference"),
+        ('"do": "referense", "value": 1', "nearest: reference"),
         ('"do": "law", "name": ' + json.dumps("x" * 501), "at most 500"),
         ('"do": "law", "name": "a\\nb"', "one line"),
         ('"do": "set", "node": "daq", "name": "a", "value": {"b": 1}', "value"),
@@ -297,18 +297,18 @@ def test_id___of_the_largest_size___is_taken(number: int) -> None:
 def test_two_commanders___the_second___is_refused_until_the_first_lets_go(
     live: LiveServer, good: ClientConnection
 ) -> None:
-    assert ask(good, do="reference", value_v=1.0)["ok"] is True
+    assert ask(good, do="reference", value=1.0)["ok"] is True
     with live.page() as second:
-        refused = ask(second, do="reference", value_v=2.0)
+        refused = ask(second, do="reference", value=2.0)
         assert refused["ok"] is False
         assert "has control of the set-point" in refused["message"]
         # Whoever sees danger may stop.
         assert ask(second, do="stop")["ok"] is True
         assert ask(good, do="let_go")["ok"] is True
-        assert ask(second, do="reference", value_v=2.0)["ok"] is True
-        assert ask(good, do="reference", value_v=3.0)["ok"] is False
+        assert ask(second, do="reference", value=2.0)["ok"] is True
+        assert ask(good, do="reference", value=3.0)["ok"] is False
     until(lambda: live.server.holder == "")
-    volts = [each.fields["value_v"] for each in live.laboratory.asked if each.verb == "reference"]
+    volts = [each.fields["value"] for each in live.laboratory.asked if each.verb == "reference"]
     assert volts == [1.0, 2.0]
 
 

@@ -45,7 +45,7 @@ FIELDS: dict[str, dict[str, object]] = {
     "tune": {"law": "pdp", "models": ["m"]},
     "tune_line": {"law": "pdp", "models": []},
     "cancel": {"job": 1},
-    "reference": {"value_v": 1.5},
+    "reference": {"value": 1.5},
     "waveform": {"kind": "sine"},
     "set": {"node": "daq", "name": "rate_hz", "value": 300.0},
     "law": {"name": "pdp"},

@@ -108,7 +108,7 @@ def test_terminal___asks_and_commands___without_a_token_or_the_hand(live: LiveSe
         lines = terminal.makefile("rw")
         for request in (
             {"id": 1, "do": "address"},
-            {"id": 2, "do": "reference", "value_v": 1.5},
+            {"id": 2, "do": "reference", "value": 1.5},
             {"id": 3, "do": "status"},
         ):
             lines.write(json.dumps(request) + "\n")
