@@ -7,6 +7,7 @@ experiment dangerous or uninformative.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -33,6 +34,8 @@ _MOST_RATE_GAIN: Final = 0.5
 # Noise alone exceeds this once in two million times.
 _CERTAIN: Final = 5.0
 _LIGHT_DAMPING: Final = 0.2
+# Standard deviations that friction has to exceed to be there.
+_SHOWN: Final = 2.0
 
 
 class ArmFaultError(FlexarmError):
@@ -71,14 +74,17 @@ class SoftLoop(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """Dry friction of a joint.
+    """Friction of a joint.
 
     Attributes
     ----------
     joint : str
         Its name.
     level, deviation : float
-        Command that keeps the joint in slow motion, either way, and its standard deviation.
+        Dry friction: the command that it takes at any speed, either way, and its standard
+        deviation.
+    viscous : float
+        Command beside it at the slow speed, of what grows with the motion.
     offset : float
         Command that holds the joint against a constant force.
     """
@@ -86,7 +92,15 @@ class Friction(NamedTuple):
     joint: str
     level: float
     deviation: float
+    viscous: float
     offset: float
+
+    @property
+    def text(self) -> str:
+        """The friction in words, without its unit."""
+        if self.level > _SHOWN * self.deviation:
+            return f"{self.level:.3g} ± {self.deviation:.2g}"
+        return f"below {max(self.level, 0.0) + _SHOWN * self.deviation:.2g}"
 
 
 class Accuracy(NamedTuple):
@@ -209,15 +223,28 @@ def _volts(way: JointWay) -> float:
     return way.volts_per_unit * way.per_volt
 
 
+def of_joints(record: IoData, rig: RigDescription) -> IoData:
+    """Return a record without the inputs that turn no joint: they rest in a commissioning."""
+    turning = {each.input for each in rig.joints}
+    kept = [place for place, name in enumerate(record.inputs) if name in turning]
+    compensation = None if record.compensation is None else record.compensation[:, kept]
+    inputs = tuple(record.inputs[place] for place in kept)
+    return replace(record, u=record.u[:, kept], inputs=inputs, compensation=compensation)
+
+
 def friction_levels(
-    record: IoData, rig: RigDescription, half_period_s: float
+    records: Sequence[IoData], rig: RigDescription, half_period_s: float
 ) -> tuple[Friction, ...]:
-    """Return the dry friction of each joint from a slow triangle wave of its position.
+    """Return the friction of each joint from triangle waves of its position, slow and faster.
+
+    Dry friction takes the same command in all of them. What grows with the motion (viscous
+    friction, a spring, the end of a turn) is as many times larger as the motion is.
 
     Parameters
     ----------
-    record : IoData
-        Record of the triangle, which rises for the first quarter of its period.
+    records : sequence of IoData
+        Records of triangles of one period and of two heights or more, the lowest first; each rises
+        for the first quarter of its period.
     rig : RigDescription
         The arm.
     half_period_s : float
@@ -228,30 +255,39 @@ def friction_levels(
     ArmFaultError
         If a joint does not follow.
     """
+    found = []
+    for joint in rig.joints:
+        ramps = np.vstack([_ramps(record, rig, joint, half_period_s) for record in records])
+        means, moves = ramps.T
+        slow = float(np.abs(moves[: len(moves) // len(records)]).mean())
+        causes = np.column_stack([np.sign(moves), moves / slow, np.ones(len(moves))])
+        (level, viscous, offset), *_ = np.linalg.lstsq(causes, means, rcond=None)
+        misses = means - causes @ (level, viscous, offset)
+        variance = float(misses @ misses) / max(1, len(means) - causes.shape[1])
+        deviation = math.sqrt(variance * float(np.linalg.pinv(causes.T @ causes)[0, 0]))
+        figures = (max(0.0, float(level)), deviation, float(viscous), float(offset))
+        found.append(Friction(joint.name, *figures))
+    return tuple(found)
+
+
+def _ramps(record: IoData, rig: RigDescription, joint: Joint, half_period_s: float) -> FloatArray:
+    """Return mean command and way of each whole ramp behind its turn, (ramps, 2), up first."""
     time_s = np.arange(len(record)) * record.dt_s / half_period_s + 0.5
     number = time_s.astype(int)
     # The second half of each ramp: the turn is over then.
     steady = (np.round(time_s) > number) & (number > 0)
-    found = []
-    for joint in rig.joints:
-        command = record.u[:, record.inputs.index(joint.input)] - rig.input(joint.input).rest
-        angle = record.y[:, record.outputs.index(joint.angle)]
-        ramps = [np.flatnonzero(steady & (number == each)) for each in range(1, number[-1] + 1)]
-        ramps = [each for each in ramps if len(each) > 1]
-        moves = [joint.sign * float(angle[each[-1]] - angle[each[0]]) for each in ramps]
-        signs = [1.0 if each % 2 == 0 else -1.0 for each in range(1, len(ramps) + 1)]
-        if any(move * sign <= 0.0 for move, sign in zip(moves, signs, strict=True)):
-            raise ArmFaultError(
-                f"stuck joint: {joint.name} does not follow a slow motion of {joint.angle}: free "
-                "it, or look for a stop within its travel"
-            )
-        means = np.array([command[each].mean() for each in ramps]) * joint.sign
-        up, down = means[np.array(signs) > 0.0], means[np.array(signs) < 0.0]
-        level, offset = 0.5 * (up.mean() - down.mean()), 0.5 * (up.mean() + down.mean())
-        spread = np.concatenate([up - up.mean(), down - down.mean()])
-        deviation = math.sqrt(float(spread @ spread) / max(1, len(spread) - 2) / len(spread))
-        found.append(Friction(joint.name, max(0.0, float(level)), deviation, float(offset)))
-    return tuple(found)
+    command = record.u[:, record.inputs.index(joint.input)] - rig.input(joint.input).rest
+    angle = record.y[:, record.outputs.index(joint.angle)]
+    parts = [np.flatnonzero(steady & (number == each)) for each in range(1, number[-1] + 1)]
+    parts = [each for each in parts if len(each) > 1]
+    means = joint.sign * np.array([command[each].mean() for each in parts])
+    moves = joint.sign * np.array([angle[each[-1]] - angle[each[0]] for each in parts])
+    if np.any(moves * (-1.0) ** np.arange(1, len(parts) + 1) <= 0.0):
+        raise ArmFaultError(
+            f"stuck joint: {joint.name} does not follow a slow motion of {joint.angle}: free "
+            "it, or look for a stop within its travel"
+        )
+    return np.column_stack([means, moves])
 
 
 def accuracy(outcome: Outcome, rig: RigDescription, band_hz: tuple[float, float]) -> Accuracy:

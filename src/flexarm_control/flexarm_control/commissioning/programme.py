@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 PULSES_V: Final = 5.0
 """Highest pulse: half of the reach of the input, which stands for 10 V."""
 _PULSES_S: Final = 6.0
-RAMP_V: Final = 1.5
-"""Slow motion to either side of the middle, of a travel that stands for 6.857 V."""
+RAMPS_V: Final = {"friction": 1.5, "friction_faster": 3.0}
+"""Slow motions to either side of the middle, of a travel that stands for 6.857 V."""
 RAMP_S: Final = 4.0
 """Time of a slow motion from turn to turn."""
 _RAMPS: Final = 4.5
@@ -95,14 +95,18 @@ class Programme:
         parameters = {"waveform": "pulses", "magnitude_v": PULSES_V, "input": joint.input}
         return Measurement(f"pulses_{joint.name}", "experiment", parameters, _PULSES_S)
 
-    def friction(self, loop: SoftLoop) -> Measurement:
-        """Return the slow motion of all joints."""
-        wave = {"triangle.amplitude_v": RAMP_V, "triangle.period_s": 2.0 * RAMP_S}
-        return Measurement(
-            "friction",
-            "controller",
-            self._law(loop, 0.0) | {"reference": "triangle", "triangle.offset_v": 0.0} | wave,
-            _RAMPS * RAMP_S,
+    def friction(self, loop: SoftLoop) -> tuple[Measurement, ...]:
+        """Return the slow motions of all joints, at two speeds."""
+        law = self._law(loop, 0.0) | {"reference": "triangle", "triangle.offset_v": 0.0}
+        period = {"triangle.period_s": 2.0 * RAMP_S}
+        return tuple(
+            Measurement(
+                name,
+                "controller",
+                law | period | {"triangle.amplitude_v": amplitude_v},
+                _RAMPS * RAMP_S,
+            )
+            for name, amplitude_v in RAMPS_V.items()
         )
 
     def part(
@@ -169,16 +173,16 @@ class Programme:
             f"{each.rest - 0.5 * each.reach:g} to {each.rest + 0.5 * each.reach:g} {each.unit}"
             for each in self.rig.inputs
         )
-        share = round(100.0 * RAMP_V / TRAVEL_V)
+        share = round(100.0 * max(RAMPS_V.values()) / TRAVEL_V)
         pulses_s = _PULSES_S * len(self.rig.joints)
         return (
             Stage("check", "nothing", "", 2.0),
             Stage("pulses", "one joint after the other, growing until it moves", half, pulses_s),
             Stage(
                 "friction",
-                f"all joints slowly, {share} % of the travel to either side",
+                f"all joints slowly, up to {share} % of the travel to either side",
                 reach,
-                _RAMPS * RAMP_S,
+                len(RAMPS_V) * _RAMPS * RAMP_S,
             ),
             Stage(
                 "excitation",

@@ -15,6 +15,7 @@ from flexarm_control.commissioning.answers import (
     PulseAnswer,
     friction_levels,
     judge_pulses,
+    of_joints,
     require_all_answer,
     soft_loop,
 )
@@ -157,33 +158,54 @@ def test_soft_loop___has_its_frequency_and_damping() -> None:
     assert damping / (2.0 * math.sqrt(stiffness)) == pytest.approx(0.4, rel=1e-3)
 
 
-@pytest.mark.parametrize("level", [0.0, 0.05, 0.3])
-def test_friction___is_found_from_slow_ramps(level: float) -> None:
-    half_s = 2.0
+def slow_motion(level: float, viscous: float, height: float, half_s: float) -> IoData:
+    """Return a record of ramps to and fro, whose motion takes dry and viscous friction."""
     time_s = np.arange(round(4.5 * half_s * RATE_HZ)) / RATE_HZ
     phase = time_s / (2.0 * half_s) + 0.25
-    angle = 0.3 * (1.0 - 4.0 * np.abs(phase % 1.0 - 0.5))
+    angle = height * (1.0 - 4.0 * np.abs(phase % 1.0 - 0.5))
     direction = np.where(phase % 1.0 < 0.5, 1.0, -1.0)
-    noise = 0.01 * np.random.default_rng(2).standard_normal((len(time_s), 2))
-    record = IoData(
-        (level * direction + 0.02)[:, None] * [1.0, 2.0] + noise,
+    command = (level + viscous * height / 0.3) * direction
+    noise = 0.01 * np.random.default_rng(round(10.0 * height)).standard_normal((len(time_s), 2))
+    return IoData(
+        (command + 0.02)[:, None] * [1.0, 2.0] + noise,
         np.column_stack([angle, direction, 0.0 * angle, angle]),
         dt_s=1.0 / RATE_HZ,
         inputs=rig().input_names,
         outputs=rig().output_names,
     )
 
-    hub, elbow = friction_levels(record, rig(), half_s)
-    assert (hub.level, elbow.level) == pytest.approx((level, 2.0 * level), abs=1e-3)
+
+@pytest.mark.parametrize("viscous", [0.0, 0.02])
+@pytest.mark.parametrize("level", [0.0, 0.05, 0.3])
+def test_friction___dry_and_viscous___are_told_apart_by_two_speeds(
+    level: float, viscous: float
+) -> None:
+    half_s = 2.0
+    records = [slow_motion(level, viscous, height, half_s) for height in (0.3, 0.6)]
+    hub, elbow = friction_levels(records, rig(), half_s)
+    # Means of 500 samples, of which four of each speed: 1.3e-3 for dry friction.
+    assert (hub.level, elbow.level) == pytest.approx((level, 2.0 * level), abs=4e-3)
+    assert (hub.viscous, elbow.viscous) == pytest.approx((viscous, 2.0 * viscous), abs=4e-3)
     assert (hub.offset, elbow.offset) == pytest.approx((0.02, 0.04), abs=1e-3)
-    assert hub.deviation < 2e-3
+    assert 1e-4 < hub.deviation < 3e-3
+    assert hub.text.startswith("below") == (level == 0.0)
+
+
+def test_inputs_that_turn_no_joint___are_no_part_of_the_record() -> None:
+    text = TEXT.replace("  elbow: {input: other, angle: elbow, travel: 1.5}\n", "")
+    record = replace(pulsed(), compensation=np.ones((3000, 2)) * [3.0, 4.0])
+    found = of_joints(record, described(text))
+    assert found.inputs == ("torque",)
+    np.testing.assert_array_equal(found.u, record.u[:, :1])
+    assert found.compensation is not None
+    assert np.unique(found.compensation).tolist() == [3.0]
 
 
 def test_joint_that_does_not_follow_slow_motion___is_refused() -> None:
     record = pulsed(stuck=True)
 
     with pytest.raises(ArmFaultError, match="stuck joint: hub does not follow"):
-        friction_levels(replace(record, y=0.0 * record.y), rig(), 1.0)
+        friction_levels([replace(record, y=0.0 * record.y)] * 2, rig(), 1.0)
 
 
 def test_accuracy___tells_what_exceeds_the_goal() -> None:

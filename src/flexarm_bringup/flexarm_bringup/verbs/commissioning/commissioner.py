@@ -14,6 +14,7 @@ from flexarm_control.commissioning.answers import (
     ArmFaultError,
     accuracy,
     friction_levels,
+    of_joints,
     soft_loop,
 )
 from flexarm_control.commissioning.programme import PARTS, PERIOD_S, RAMP_S, Programme
@@ -99,19 +100,20 @@ class Commissioner:
     def friction(self, loop: SoftLoop) -> tuple[Friction, ...]:
         """Move all joints slowly in the soft loop."""
         terminal.step("Slow motion in a soft position loop, for the friction")
-        record = self._arm.measured(self._programme.friction(loop))
+        records = [self._measured(each) for each in self._programme.friction(loop)]
+        record = records[0]
         delay_s = self._arm.delay_s or self._state.found.get("loop", {}).get("delay_s", 0.0)
         self._state.note("loop", {"delay_s": delay_s, "samples": len(record)})
         terminal.CONSOLE.print(
             f"  {len(record)} samples at {1.0 / record.dt_s:.5g} Hz, delay of the loop "
             f"{1e3 * delay_s:.2g} ms"
         )
-        found = friction_levels(record, self._rig, RAMP_S)
+        found = friction_levels(records, self._rig, RAMP_S)
         for each, joint in zip(found, self._rig.joints, strict=True):
             unit = self._rig.input(joint.input).unit
             terminal.CONSOLE.print(
-                f"  {each.joint}: {each.level:.3g} ± {each.deviation:.2g} {unit} of friction, "
-                f"{each.offset:+.2g} {unit} to rest"
+                f"  {each.joint}: {each.text} {unit} of dry friction, {each.viscous:.2g} {unit} "
+                f"that grow with the speed, {each.offset:+.2g} {unit} to rest"
             )
         self._state.note("friction", [each._asdict() for each in found])
         return found
@@ -133,7 +135,7 @@ class Commissioner:
                 f"Part {number} of {PARTS} at most: multisine of {10.0 * magnitude_v:.0f} % of the "
                 f"limits, {wanted.length_s:.0f} s"
             )
-            record = self._arm.measured(wanted)
+            record = self._measured(wanted)
             self._show_distortion(record, wanted)
             bags.append(wanted.name)
             if wanted.name not in self._state.found:
@@ -184,7 +186,8 @@ class Commissioner:
         """Design the servo on the model that was found."""
         outcome = results.outcome
         source = Source(results.name, outcome.model, outcome.friction, outcome.records[0])
-        limits = {each.name: each.reach for each in self._rig.inputs}
+        driven = outcome.records[0].inputs
+        limits = {each.name: each.reach for each in self._rig.inputs if each.name in driven}
         with terminal.busy("designing servo"):
             delay_s = self._state.found["loop"]["delay_s"]
             request = ServoRequest(self._rig.tracked, limits, delay_s=delay_s)
@@ -200,7 +203,7 @@ class Commissioner:
         places = [self._rig.output_names.index(name) for name in design.gains.tracked]
         if not self._arm.bag("step").exists():
             self._arm.forget("hold")
-        held = self._arm.measured(self._programme.servo("hold", controller))
+        held = self._measured(self._programme.servo("hold", controller))
         start = held.y[-round(0.2 * len(held)) :].mean(axis=0)[places]
         steps = np.array(design.steps)
         targets = {}
@@ -212,7 +215,7 @@ class Commissioner:
             targets[name] = float(start[number] + steps[number])
         if not self._arm.bag("step").exists():
             self._arm.set_references(targets)
-        record = self._arm.measured(self._programme.servo("step", controller, seconds))
+        record = self._measured(self._programme.servo("step", controller, seconds))
         twin = step_run(servo, design.twin, steps, seconds, seed=0)
         y = record.y.copy()
         y[:, places] -= start
@@ -235,6 +238,9 @@ class Commissioner:
         friction = self.friction(loop)
         return self.designed(self.models(loop, friction))
 
+    def _measured(self, wanted: Measurement) -> IoData:
+        return of_joints(self._arm.measured(wanted), self._rig)
+
     def _identified(self, name: str, bags: Sequence[str]) -> Results:
         """Return the model of some bags; once in a session."""
         if name not in self._results:
@@ -244,7 +250,7 @@ class Commissioner:
                     self._folder / MODELS_FOLDER / name,
                     Request(),
                     force=True,
-                    read=lambda bag, *_: self._arm.record(bag.name),
+                    read=lambda bag, *_: of_joints(self._arm.record(bag.name), self._rig),
                     progress=show,
                 )
         return self._results[name]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_control.commissioning.answers import Friction
 from flexarm_control.servo.report import step_figures, summary, told
 from flexarm_core.labels import axis_label
 from flexarm_core.outputs import MARK_KEY
@@ -83,11 +84,11 @@ def _report(
                 joint.name,
                 f"{pulse['height']:.3g} {driven}",
                 f"{pulse['gain']:.3g} {angle}/s² for 1 {driven}",
-                f"{level['level']:.3g} ± {level['deviation']:.2g} {driven}",
+                f"{Friction(**level).text} {driven}",
                 f"{level['offset']:+.2g} {driven}",
             )
         )
-    head = ("joint", "moves at a pulse of", "acceleration, at least", "friction", "offset")
+    head = ("joint", "moves at a pulse of", "acceleration, at least", "dry friction", "offset")
     parts: dict[str, list[Block]] = {
         "Joints": [Table("joints", "what pulses and slow motion show", head, tuple(rows))],
         "Model": [

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from flexarm_bringup.verbs.commissioning.commissioner import Steps
     from flexarm_core.rig_description import RigDescription
 
-STAGES = ["pulses_joint_1", "friction", "part_1", "hold", "step"]
+STAGES = ["pulses_joint_1", "friction", "friction_faster", "part_1", "hold", "step"]
 # Each is interrupted once, in this order.
 DEATHS = ["pulses_joint_1", "friction", "part_1", "step", ""]
 
@@ -82,7 +82,7 @@ def test_unknown_arm___interrupted_in_every_stage___ends_in_its_controller(tmp_p
         runs += arm.runs
 
     # A hold belongs to the step behind it; nothing else was measured twice.
-    assert runs == [*STAGES[:4], *STAGES[3:]]
+    assert runs == [*STAGES[:5], *STAGES[4:]]
     for name in STAGES:
         record = arm.record(name)
         assert np.abs(record.u).max() <= 1.0
