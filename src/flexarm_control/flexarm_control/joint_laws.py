@@ -148,7 +148,8 @@ def require_known_outputs(spec: LawSpec, rig: RigDescription) -> None:
     if not rig.joints:
         raise SettingError(
             f"law {spec.name} moves joints, and rig {rig.name} has none: name them in its "
-            "description (joints), or take the law servo"
+            "description (joints), or record it in open loop (`flexarm experiment B_dat1`) and "
+            "take the law servo with a controller that `flexarm design --track` made of that"
         )
     require_both_ways(rig, f"law {spec.name} drives", "take the law servo")
     if not _tracks_joints(rig):

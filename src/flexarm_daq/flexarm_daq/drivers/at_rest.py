@@ -114,7 +114,7 @@ def readings_of(rig: Rig, description: RigDescription, duration_s: float) -> Res
     # A busy machine misses samples of a board's clock: most steps are whole.
     period_s = float(np.median(np.diff(times_s)))
     if paced:
-        # It is late with its own, which tells nothing of the rig: only a reading that takes longer
+        # It is late with its own, which shows nothing of the rig: only a reading that takes longer
         # than a period does, and a clock of the rig that goes at another pace.
         far = samples // 2
         pace = (times_s[far:] - times_s[:-far]) / (begins_s[far:] - begins_s[:-far])
