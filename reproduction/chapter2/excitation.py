@@ -11,8 +11,8 @@ import numpy as np
 from flexarm_core.channels import BOUND_V, DRIVE_A_PER_V, MAX_COMMAND_V
 from flexarm_daq import SimulatedRig
 from flexarm_daq.experiments.excitation import DIRECTION_HZ, VARYING_HZ
-from flexarm_ident.series.picture import DOTTED, SOLID, STYLE, figure_of, inline_svg
 from reproduction.framework.findings import Call, Finding, Plot, SideBySide, Subject, prose, subject
+from reproduction.framework.picture import DOTTED, SOLID, STYLE, figure_of, inline_svg
 from reproduction.framework.rig import simulated_record
 from reproduction.framework.study_rig import study_rig
 from reproduction.framework.verdicts import exactly, judged

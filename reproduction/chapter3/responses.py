@@ -11,7 +11,16 @@ from scipy import signal
 
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_grid
-from flexarm_ident.series.picture import (
+from reproduction.chapter3.trial import both_calls, records_of
+from reproduction.framework.findings import (
+    SENSORS,
+    Finding,
+    Plot,
+    Subject,
+    prose,
+    subject,
+)
+from reproduction.framework.picture import (
     BLACK,
     BLUE,
     MARK,
@@ -21,15 +30,6 @@ from flexarm_ident.series.picture import (
     inline_svg,
     legend_above,
     plain_numbers,
-)
-from reproduction.chapter3.trial import both_calls, records_of
-from reproduction.framework.findings import (
-    SENSORS,
-    Finding,
-    Plot,
-    Subject,
-    prose,
-    subject,
 )
 from reproduction.framework.verdicts import judged, mostly
 

@@ -14,15 +14,6 @@ from flexarm_control.laws.gains import Compensation, PdpGains
 from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.series.picture import (
-    DASHED,
-    DOTTED,
-    SOLID,
-    STYLE,
-    figure_of,
-    inline_svg,
-    legend_above,
-)
 from reproduction.framework.findings import (
     SEEDS,
     Call,
@@ -33,6 +24,15 @@ from reproduction.framework.findings import (
     prose,
     subject,
     thesis_table,
+)
+from reproduction.framework.picture import (
+    DASHED,
+    DOTTED,
+    SOLID,
+    STYLE,
+    figure_of,
+    inline_svg,
+    legend_above,
 )
 from reproduction.framework.rig import STEP_S, step_to, step_trial
 from reproduction.framework.study_rig import calm_rig, choices

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident.report.plots.order_plots import used_and_left_out
 from flexarm_ident.report.plots.time_plots import CURVE_POINTS, extremes, limited
-from flexarm_ident.series.picture import (
+from reproduction.framework.picture import (
     BLACK,
     DOTTED,
     MARK,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from flexarm_ident.series.picture import (
+from reproduction.framework.picture import (
     DASHED,
     DOTTED,
     SHADE,

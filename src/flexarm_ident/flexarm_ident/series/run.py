@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexarm_core.errors import DataError, FlexarmError, one_line
-from flexarm_core.outputs import MARK, require_place
+from flexarm_core.outputs import require_place
 from flexarm_core.workers import Workers, computed
 from flexarm_ident.job import REPORT_FILE, begun, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 TABLE_FILE = "models.csv"
 PARQUET_FILE = "models.parquet"
-TREND_FILE = "trend.svg"
 PAGE_FILE = "index.html"
 _TEXTS = ("bag", "verdict", "method", "failure", "record_sha256", "request_sha256")
 
@@ -83,7 +82,7 @@ def identify_each(
     workers: Workers | None = None,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Series:
-    """Identify one model per bag; write their table, the picture of their trend, and each model.
+    """Identify one model per bag; write their table, the page of their trend, and each model.
 
     A bag is skipped when the table has its row already, with the same record and request. A bag
     that fails has a row with the reason, and the others go on. The table is written anew with every
@@ -94,8 +93,8 @@ def identify_each(
     bags : sequence of Path
         Bags, one or more.
     folder : Path
-        Folder of the results: `models.csv`, `trend.svg`, `index.html`, and a folder per bag with
-        what `job.identify_bags` writes. Rows of other bags in its table stay.
+        Folder of the results: `models.csv`, `index.html`, and a folder per bag with what
+        `job.identify_bags` writes. Rows of other bags in its table stay.
     request, channels, span, exports, force
         As in `job.identify_bags`, the same for all.
     parquet : bool
@@ -112,11 +111,11 @@ def identify_each(
     DataError
         If two bags would have the same folder, the table cannot be read, or pyarrow is missing.
     OutputError
-        If the folder cannot be written, or has a picture or a page of somebody else.
+        If the folder cannot be written, or has a page of somebody else.
     """
     names = list(map(str, bags))
     places = _places(names)
-    require_place([folder / TREND_FILE, folder / PAGE_FILE], force=force)
+    require_place([folder / PAGE_FILE], force=force)
     table = folder / TABLE_FILE
     if parquet:
         require_parquet()
@@ -199,14 +198,12 @@ def _request_hash(task: _Task) -> str:
 
 
 def _show(folder: Path, rows: Sequence[Row]) -> None:
-    """Write the picture and the page of all rows in the table."""
+    """Write the page of all rows in the table."""
     modelled = [row for row in rows if not row.failure]
-    picture = trend_plot(modelled) if modelled else ""
-    if picture:
-        (folder / TREND_FILE).write_text(f"<!-- {MARK} -->\n{picture}", encoding="utf-8")
+    plot = trend_plot(modelled) if modelled else ""
     places = _places([row.bag for row in modelled])
     reports = {bag: f"{place}/{REPORT_FILE}" for bag, place in places.items()}
-    page = trend_page(rows, picture, reports, TABLE_FILE)
+    page = trend_page(rows, plot, reports, TABLE_FILE)
     (folder / PAGE_FILE).write_text(page, encoding="utf-8")
 
 

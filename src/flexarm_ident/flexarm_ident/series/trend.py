@@ -1,112 +1,95 @@
-"""Trend of a series: its models over the time of their records, as a picture and a page."""
+"""Trend of a series: its models over the time of their records, as a plot and a page."""
 
 from __future__ import annotations
 
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
-
-import matplotlib as mpl
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from typing import TYPE_CHECKING
 
 from flexarm_core.labels import axis_label, counted
 from flexarm_ident.report.content.blocks import Links, Plots, Table
 from flexarm_ident.report.page import render_page
-from flexarm_ident.series.picture import (
-    BLACK,
-    BLUE,
-    STYLE,
-    figure_of,
-    inline_svg,
-    legend_above,
-    plain_numbers,
-)
+from flexarm_ident.report.plots import marks
+from flexarm_ident.report.plots.axis import Axis
+from flexarm_ident.report.plots.chart import Panel, View, chart
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
+    from collections.abc import Iterator, Mapping, Sequence
 
     from flexarm_ident.report.content.blocks import Block
+    from flexarm_ident.report.plots.marks import Mark
     from flexarm_ident.series.rows import Row
 
-_PANEL_IN = 2.2
-# Area of the mark of the heaviest mode, and of one without weight, in square points.
-_LARGEST, _SMALLEST = 36.0, 3.0
+_HEAVY = 0.1
+_DAY_S = 86_400.0
 _LEVEL, _DEVIATION = "friction_", "_std"
+_ERRORS = {"error_mean": "simulation", "left_out_mean": "5-fold cross-validation"}
+_LOOKS = (marks.SOLID, marks.DASHED, marks.DOTTED, marks.THIN)
 
 
 def trend_plot(rows: Sequence[Row]) -> str:
-    """Plot frequencies, friction levels and errors over the bags, as SVG.
+    """Plot frequencies, friction levels and errors over the bags, for a page.
 
     Parameters
     ----------
     rows : sequence of Row
         Bags with a model, one or more. They stand at the time at which their records begin, or at
-        their numbers when these are not all different. A frequency's mark is the larger the more
-        the mode weighs; those below 1 % of the heaviest are left out.
+        their numbers when these are not all different. Modes below 1 % of the heaviest are left
+        out.
     """
-    levels = sorted(
-        {
-            column
-            for row in rows
-            for column in row.cells
-            if column.startswith(_LEVEL) and not column.endswith(_DEVIATION)
-        }
-    )
-    with mpl.rc_context(STYLE | {"date.converter": "concise"}):
-        figure = figure_of(_PANEL_IN * (3 if levels else 2))
-        panels = figure.subplots(3 if levels else 2, sharex=True)
-        places = _places(rows, panels[-1])
-        points = [
-            (place, hz, weight)
-            for place, row in zip(places, rows, strict=True)
-            for hz, weight in row.main_modes()
-        ]
-        panels[0].scatter(
-            [place for place, _, _ in points],
-            [hz for _, hz, _ in points],
-            [_SMALLEST + (_LARGEST - _SMALLEST) * weight for _, _, weight in points],
-            color=BLACK,
-            linewidths=0.0,
+    places, words = _places(rows)
+    levels = {
+        column: axis_label(column.removeprefix(_LEVEL))
+        for column in sorted({column for row in rows for column in row.cells})
+        if column.startswith(_LEVEL) and not column.endswith(_DEVIATION)
+    }
+    points = [
+        (place, hz, weight)
+        for place, row in zip(places, rows, strict=True)
+        for hz, weight in row.main_modes()
+    ]
+    frequencies = [
+        marks.dots([place for place, _ in shown], [hz for _, hz in shown], look, label)
+        for is_heavy, look, label in (
+            (True, marks.DOT, "weight of 0.1 or more"),
+            (False, marks.SMALL, "less"),
         )
-        panels[0].set(ylabel="frequency, Hz", yscale="log")
-        panels[0].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        panels[0].yaxis.set_major_formatter(plain_numbers())
-        panels[0].yaxis.set_minor_formatter(NullFormatter())
-        errors = {"error_mean": "simulation", "left_out_mean": "5-fold cross-validation"}
-        _lines(panels[-1], places, rows, errors)
-        panels[-1].set(ylabel="relative error")
-        if levels:
-            names = {column: axis_label(column.removeprefix(_LEVEL)) for column in levels}
-            _lines(panels[1], places, rows, names)
-            panels[1].set(ylabel="friction level")
-        return inline_svg(figure, f"frequencies and errors of {len(rows)} models over their bags")
+        if (shown := [(at, hz) for at, hz, weight in points if (weight >= _HEAVY) is is_heavy])
+    ]
+    y = Axis.around("frequency, Hz", [[hz for _, hz, _ in points]], log=True)
+    panels = [Panel(y, frequencies)]
+    for title, columns in (("friction level", levels), ("relative error", _ERRORS)):
+        if curves := list(_curves(places, rows, columns)):
+            axis = Axis.around(title, [[0.0], *(curve.y for curve in curves)])
+            panels.append(Panel(axis, curves))
+    about = f"frequencies and errors of {len(rows)} models over their bags"
+    return chart(View(about, Axis.around(words, [places]), panels))
 
 
-def _lines(axes: Axes, places: Sequence[Any], rows: Sequence[Row], columns: dict[str, str]) -> None:
-    looks = (("-", BLUE), ("--", BLACK), (":", BLACK), ("-.", BLUE))
+def _curves(
+    places: Sequence[float], rows: Sequence[Row], columns: Mapping[str, str]
+) -> Iterator[Mark]:
+    """Yield each column that has figures, as a line through points."""
     for number, (column, label) in enumerate(columns.items()):
         points = [
             (place, value)
             for place, row in zip(places, rows, strict=True)
             if (value := row.number(column)) is not None
         ]
-        line, color = looks[number % len(looks)]
         if points:
-            axes.plot(*zip(*points, strict=True), line, color=color, marker=".", label=label)
-    axes.set_ylim(bottom=0.0)
-    legend_above(axes)
+            x, y = zip(*points, strict=True)
+            yield marks.line(x, y, _LOOKS[number % len(_LOOKS)], label)
+            yield marks.dots(x, y, marks.SMALL, label)
 
 
-def _places(rows: Sequence[Row], axes: Axes) -> list[Any]:
-    """Return where the bags stand on the lower axis, and label it."""
+def _places(rows: Sequence[Row]) -> tuple[list[float], str]:
+    """Return where the bags stand on the lower axis, and its label."""
     begun = [row.cells.get("begun", "") for row in rows]
     if len(set(begun)) == len(begun) > 1 and all(begun):
-        axes.set(xlabel="begin of the record, UTC")
-        return [datetime.fromisoformat(text) for text in begun]
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set(xlabel="bag")
-    return list(range(1, len(rows) + 1))
+        instants = [datetime.fromisoformat(text) for text in begun]
+        first = min(instants)
+        days = [(each - first).total_seconds() / _DAY_S for each in instants]
+        return days, f"begin of the record, days from {first:%Y-%m-%d %H:%M} UTC on"
+    return [1.0 + number for number in range(len(rows))], "bag"
 
 
 def figures(row: Row) -> tuple[str, ...]:
@@ -116,14 +99,14 @@ def figures(row: Row) -> tuple[str, ...]:
     return row.cells.get("verdict", ""), row.cells.get("order", ""), *fits
 
 
-def trend_page(rows: Sequence[Row], picture: str, reports: dict[str, str], table: str) -> str:
+def trend_page(rows: Sequence[Row], plot: str, reports: dict[str, str], table: str) -> str:
     """Return the page of a series.
 
     Parameters
     ----------
     rows : sequence of Row
         All bags.
-    picture : str
+    plot : str
         Trend, by `trend_plot`; empty without a model.
     reports : dict of str to str
         Bag -> its report, relative to the page.
@@ -154,7 +137,7 @@ def trend_page(rows: Sequence[Row], picture: str, reports: dict[str, str], table
         )
         for row in rows
     )
-    parts: dict[str, list[Block]] = {"Trend": [Plots((("", picture),))]} if picture else {}
+    parts: dict[str, list[Block]] = {"Trend": [Plots((("", plot),), wide=True)]} if plot else {}
     parts["Bags"] = [Table("bags", "Models of the bags", columns, cells)]
     parts["Files"] = [Links(((table, table), *reports.items()))]
     return render_page("Models of a series", summary, parts)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 from matplotlib.axes import Axes
 
-from flexarm_ident.series.picture import STYLE, figure_of, inline_svg
+from reproduction.framework.picture import STYLE, figure_of, inline_svg
 
 if TYPE_CHECKING:
     import pytest
