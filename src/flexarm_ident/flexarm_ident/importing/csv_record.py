@@ -16,7 +16,6 @@ from flexarm_ident.importing.csv_table import read_table, table_layout
 from flexarm_ident.importing.csv_times import Sampling, sampling, unit_question
 from flexarm_ident.reading.alignment import io_alignment
 from flexarm_ident.records.data_warning import TABLE
-from flexarm_ident.subspace.loop_test import judged_loop
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -65,8 +64,7 @@ class CsvRecord:
 def read_csv(path: Path, columns: CsvMap | TableColumns, *, wrap: float | None = None) -> IoData:
     """Read columns of a table of text as the record of an experiment.
 
-    Rows that are missing, and outputs that were not measured, are holes, as in a bag. Where no map
-    says whether the outputs made the inputs, the data do.
+    Rows that are missing, and outputs that were not measured, are holes, as in a bag.
 
     Parameters
     ----------
@@ -104,9 +102,9 @@ def read_csv(path: Path, columns: CsvMap | TableColumns, *, wrap: float | None =
     )
     aligned = io_alignment(lambda: [samples], channels, source=str(path), wrap=wrap)
     data = aligned.reading(samples).data
-    if mapping is not columns and mapping.inputs:
-        data = replace(data, closed_loop=bool(judged_loop(data, feedthrough=True)))
-    return replace(data, notices=(*data.notices, *map(TABLE, table.notes)))
+    # A map says whether the outputs made the inputs.
+    loop = data.closed_loop if mapping is columns else None
+    return replace(data, closed_loop=loop, notices=(*data.notices, *map(TABLE, table.notes)))
 
 
 def csv_record(path: Path, mapping: CsvMap) -> CsvRecord:

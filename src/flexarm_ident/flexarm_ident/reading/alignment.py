@@ -20,8 +20,6 @@ from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
 from flexarm_ident.records.data_warning import SAMPLING
 from flexarm_ident.records.holes import joined
 from flexarm_ident.records.iodata import ARM_OUTPUTS, IoData
-from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
-from flexarm_ident.subspace.loop_test import judged_loop
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -125,21 +123,17 @@ class Alignment:
         width = len(self.header.inputs)
         return ((u[:, :width] - u[:, width:], y) for u, y in self._rows(pieces))
 
-    def loop_kind(self, declared: Sequence[bool], pieces: Pieces) -> bool | None:
-        """Return True when the inputs were computed from the outputs; None when it is not known.
+    def loop_kind(self, declared: Sequence[bool]) -> bool | None:
+        """Return True when the inputs were computed from the outputs; None when nobody says it.
 
         Parameters
         ----------
         declared : sequence of bool
             Use of the outputs by each declared commander; empty without a declaration.
-        pieces : callable
-            Starts to read the messages, for a test where nothing is declared.
         """
         if not self.is_running:
             return self.header.closed_loop
-        return _loop_kind(
-            declared, lambda samples: self.header.leading(self.commanded(pieces()), samples)
-        )
+        return any(declared) if declared else None
 
     def reading(
         self,
@@ -191,7 +185,7 @@ class Alignment:
             tracked=tracked if followed is not None else (),
             notices=notices,
         )
-        data = replace(data, closed_loop=_loop_kind(declared, data.head))
+        data = replace(data, closed_loop=self.loop_kind(declared))
         steps, in_force = np.diff(self.marks.sequence), np.diff(self.marks.command_sequence)
         unanswered = int(np.sum((steps == 1) & (in_force < 1)))
         return BagReading(data, len(samples), lost, duration_s, unanswered)
@@ -368,13 +362,6 @@ def _answers(pieces: Iterable[Recorded], numbers: NDArray[np.int64], kind: _Comm
     return Answers(
         sequence, state_sequence, sent_ns, np.concatenate([np.empty((0, width)), *values])
     )
-
-
-def _loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> bool | None:
-    """Return True for a closed loop: as declared, else by a test of the first samples."""
-    if declared:
-        return any(declared)
-    return judged_loop(judged(BACKGROUND_SAMPLES))
 
 
 def _duration_s(stamps_ns: NDArray[np.int64]) -> float:

@@ -116,7 +116,7 @@ def stream_bag(uri: Path | str, *, wrap: float | None = None) -> BagStream:
         aligned = _aligned(bag, chosen, pieces, lambda: _command_pieces(bag, chosen), wrap)
         header = aligned.header
         header.check(aligned.efforts(pieces()))
-        closed_loop = aligned.loop_kind(bag.declared_loops(chosen), pieces)
+        closed_loop = aligned.loop_kind(bag.declared_loops(chosen))
 
     def efforts() -> Iterator[tuple[FloatArray, FloatArray]]:
         with opened(path) as bag:

@@ -8,11 +8,9 @@ inputs that follow.
 Friction biases the test: a linear model leaves a remainder that looks like innovation but recurs
 with the input. The correlation must therefore also exceed the correlations at distant lags, at
 which no controller answers. An input without low frequencies, such as noise from 20 Hz up, has a
-longer memory than the past in the Gram and can pass for feedback. `loop_test` judges a record by
-the same correlation, with a longer past of the input and robust against jumps of the set-point.
+longer memory than the past in the Gram and can pass for feedback.
 Haugh, "Checking the independence of two covariance-stationary time series", JASA 71 (1976);
-Gustavsson, Ljung, Soderstrom, "Identification of processes in closed loop", Automatica 13 (1977);
-Rousseeuw, Leroy, "Robust regression and outlier detection", Wiley 1987.
+Gustavsson, Ljung, Soderstrom, "Identification of processes in closed loop", Automatica 13 (1977).
 """
 
 from __future__ import annotations
@@ -34,11 +32,11 @@ if TYPE_CHECKING:
 
 # One false alarm in a million records.
 SIGNIFICANCE = 1e-6
-STANDS_OUT = 1.5
+_STANDS_OUT = 1.5
 # A remainder below this part of a signal's RMS is rounding.
 _SMALLEST_REMAINDER = 1e-5
 _DEPENDENT = 1e-9
-# Samples for the background at distant lags and for the closed-loop test.
+# Samples for the background at distant lags.
 BACKGROUND_SAMPLES = 2**14
 
 
@@ -118,9 +116,9 @@ def feedback_test(
     record = max(records, key=len)
     signals = _remainders(record, gram, found.layout, found.predictor, found.scale)
     e, u = signals[:, :m] @ found.white_e, signals[:, m:] @ found.white_u
-    near, far = near_and_far(e, u, gram.block_rows)
+    near, far = _near_and_far(e, u, gram.block_rows)
     background = far * found.samples
-    return FeedbackTest(statistic, degrees, p_value, background, near > STANDS_OUT * far)
+    return FeedbackTest(statistic, degrees, p_value, background, near > _STANDS_OUT * far)
 
 
 def _whitened(gram: BlockGram, *, feedthrough: bool) -> _Whitened:
@@ -196,7 +194,7 @@ def _remainders(
     return remainders
 
 
-def near_and_far(e: FloatArray, u: FloatArray, block_rows: int) -> tuple[float, float]:
+def _near_and_far(e: FloatArray, u: FloatArray, block_rows: int) -> tuple[float, float]:
     """Return the sum of squared correlations at lag zero, and the largest at distant lags."""
     columns = len(e)
     length = scipy.fft.next_fast_len(2 * columns)
