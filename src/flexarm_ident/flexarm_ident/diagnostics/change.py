@@ -24,12 +24,14 @@ from flexarm_ident.diagnostics.drive import is_stopped, moves_seldom
 from flexarm_ident.records.data_warning import PLANT_CHANGED, Grade
 from flexarm_ident.records.naming import short_names
 from flexarm_ident.records.span import part_options, without
+from flexarm_ident.subspace.feedback import reaches_inputs
 from flexarm_ident.subspace.segments import cut, segment_grams
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.diagnostics.check import Looked
     from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
@@ -294,7 +296,19 @@ def _models(known: FloatArray, crossed: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(unit, crossed / scale) / scale)
 
 
+def _judged(data: Looked) -> Looked:
+    """Return the data with loops that no record declares as the choice of a method judges them."""
+    if all(each.closed_loop is not None for each in data.records):
+        return data
+    reached = reaches_inputs(data.gram)
+    judged = [
+        replace(each, closed_loop=reached) if each.closed_loop is None else each
+        for each in data.records
+    ]
+    return replace(data, records=tuple(judged))
+
+
 CHECKS = (
-    Check(each_record(changes), (PLANT_CHANGED,)),
-    Check(lambda data: differences(data.records), (PLANT_CHANGED,)),
+    Check(lambda data: each_record(changes)(_judged(data)), (PLANT_CHANGED,)),
+    Check(lambda data: differences(_judged(data).records), (PLANT_CHANGED,)),
 )

@@ -170,7 +170,9 @@ def verdict(
     return Verdict(level, error, worst, outputs[number], share, validation, step)
 
 
-def missed_shares(records: Sequence[IoData], simulated: Sequence[FloatArray]) -> FloatArray:
+def missed_shares(
+    records: Sequence[IoData], simulated: Sequence[FloatArray], *, reached: bool = False
+) -> FloatArray:
     """Return the share of the power of each output's error that is coherent with the inputs.
 
     Of a closed loop the inputs' innovations stand for them: the inputs themselves hold the outputs'
@@ -182,13 +184,18 @@ def missed_shares(records: Sequence[IoData], simulated: Sequence[FloatArray]) ->
         Records of one rig.
     simulated : sequence of ndarray, (samples, outputs)
         Simulated outputs of each record.
+    reached : bool
+        Whether the inputs follow the outputs' noise: records that declare no loop are closed then.
 
     Returns
     -------
     ndarray, (outputs,)
         Shares, 0 to 1; NaN when the records are too short to tell.
     """
-    pairs = [_causes(record, y) for record, y in zip(records, simulated, strict=True)]
+    pairs = [
+        _causes(record, y, closed=reached if record.closed_loop is None else record.closed_loop)
+        for record, y in zip(records, simulated, strict=True)
+    ]
     told = [pair for pair in pairs if pair is not None]
     with np.errstate(over="ignore", invalid="ignore"):
         found = (
@@ -197,12 +204,12 @@ def missed_shares(records: Sequence[IoData], simulated: Sequence[FloatArray]) ->
     return np.full(len(records[0].outputs), np.nan) if found is None else found.explained
 
 
-def _causes(record: IoData, y: FloatArray) -> tuple[IoData, FloatArray] | None:
+def _causes(record: IoData, y: FloatArray, *, closed: bool) -> tuple[IoData, FloatArray] | None:
     """Return a record with what its error is compared with as inputs, and the error."""
     with np.errstate(over="ignore", invalid="ignore"):
         error = record.y_usable[: len(y)] - y[: len(record)]
     error[~np.isfinite(error)] = np.nan
-    if not record.closed_loop:
+    if not closed:
         return record.head(len(error)), error
     innovations = innovations_of(record)
     if innovations is None:

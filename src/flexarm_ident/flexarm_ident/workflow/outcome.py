@@ -23,6 +23,7 @@ from flexarm_ident.diagnostics.verdict import (
 from flexarm_ident.fitting.residuals import residual_correlations
 from flexarm_ident.fitting.validation import about_mean, fit_percent, relative_errors
 from flexarm_ident.records.data_warning import Grade
+from flexarm_ident.subspace.feedback import reaches_inputs
 
 if TYPE_CHECKING:
     import control
@@ -113,7 +114,11 @@ class Outcome:
         ]
         return verdict(
             errors,
-            missed_shares(self.records, [each.y for each in self.dmv]),
+            missed_shares(
+                self.records,
+                [each.y for each in self.dmv],
+                reached=reaches_inputs(self.identification.gram),
+            ),
             self.records[0].outputs,
             validation=validation,
             defects=[kinds()[code].title.lower() for code in defects],
