@@ -96,7 +96,7 @@ def select_method(
         return found._replace(reason=f"{method} was chosen: {because}")
 
     if closed_loop:
-        return chosen("pbsid", "closed loop, declared or tested")
+        return chosen("pbsid", "closed loop, as declared")
     gram = block_gram(records, block_rows)
     if reaches_inputs(gram):
         return chosen(

@@ -102,7 +102,7 @@ def test_select_method___declared_closed_loop___takes_pbsid() -> None:
     found = select_method([arm_record(1)], 40, closed_loop=True)
     assert found.method == "pbsid"
     assert found.gram.block_rows == 80
-    assert found.reason == "pbsid was chosen: closed loop, declared or tested"
+    assert found.reason == "pbsid was chosen: closed loop, as declared"
 
 
 def test_select_method___undeclared_feedback___takes_pbsid() -> None:
