@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,7 +10,7 @@ from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.signals import RigSample
-from flexarm_daq.rigs.late_readings import LateReadings, require_one_each
+from flexarm_daq.rigs.late_readings import LateReadings, SensorSettings
 from flexarm_daq.rigs.rig_parameters import NO_HUM_V, RigParameters
 from flexarm_daq.rigs.simulated import SimulatedRig
 
@@ -23,40 +22,16 @@ SENSORS: Final = (*CHANNEL_NAMES, TIP_ANGLE, TIP_ACCELERATION)
 """Sensors of the arm: the thesis's in V, direction of the tip from the axis, its acceleration."""
 
 
-@dataclass(frozen=True)
-class TipSettings:
+class TipSettings(SensorSettings):
     """Settings of the driver `simulated` for another rig than the thesis's.
 
-    Attributes
-    ----------
-    sensors : tuple of str
-        Sensor of each output, one of `SENSORS`.
-    noise : tuple of float
-        Standard deviation of the noise of each output, in the units of the sensor.
-    delay_s : tuple of float
-        Age of what each output reads, s: a camera's exposure and computation.
-    frame_hz : tuple of float
-        Frames a second of each output, which is held between them; 0 for each sample anew.
-    seed : int
-        Seed of the noise.
-    payload_kg : float
-        Point mass at the tip.
-    rate_hz : float
-        Sampling rate, Hz.
+    Each sensor is one of `SENSORS`; the payload is a point mass at the tip.
 
     Raises
     ------
     SettingError
-        If there is no such sensor, or a list has not one number from 0 on for every output.
+        If there is no such sensor, or as of `SensorSettings`.
     """
-
-    sensors: tuple[str, ...]
-    noise: tuple[float, ...] = ()
-    delay_s: tuple[float, ...] = ()
-    frame_hz: tuple[float, ...] = ()
-    seed: int = 0
-    payload_kg: float = 0.0
-    rate_hz: float = 300.0
 
     def __post_init__(self) -> None:
         for name in self.sensors:
@@ -65,9 +40,7 @@ class TipSettings:
                     f"settings.sensors has {name!r}{nearest(name, SENSORS)}: the simulated arm has "
                     f"{', '.join(SENSORS)}"
                 )
-        require_one_each(self.sensors, self)
-        if self.seed < 0:
-            raise SettingError(f"settings.seed = {self.seed} must not be negative")
+        super().__post_init__()
 
 
 class TipRig:
@@ -93,9 +66,6 @@ class TipRig:
             RigParameters(payload_kg=settings.payload_kg, noise_v=NO_HUM_V),
             rate_hz=settings.rate_hz,
         )
-        none = [0.0] * len(settings.sensors)
-        self._noise = np.array(settings.noise or none)
-        self._late = settings.delay_s or none, settings.frame_hz or none
         self._places = [SENSORS.index(name) for name in settings.sensors]
 
     @property
@@ -119,8 +89,7 @@ class TipRig:
     def open(self) -> None:
         """Start at rest in the middle of the travel, at time zero; see `Rig.open`."""
         self._rig.open()
-        self._random = np.random.default_rng(self._settings.seed)
-        self._told = LateReadings(*self._late)
+        self._told = LateReadings(self._settings)
         self._before = 0.0, 0.0
 
     def read(self) -> RigSample:
@@ -132,8 +101,7 @@ class TipRig:
         acceleration = gained / (time_s - before_s) if time_s > before_s else 0.0
         self._before = time_s, speed_rad_per_s
         readings = np.array([*volts, angle_rad, acceleration])[self._places]
-        noise = self._noise * self._random.standard_normal(len(self._noise))
-        return RigSample(time_s, self._told(time_s, readings + noise))
+        return RigSample(time_s, self._told(time_s, readings))
 
     def write(self, commands: Sequence[float]) -> None:
         """Command the drive; see `Rig.write`."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexarm_core.errors import SettingError, one_line
 from flexarm_core.nearest import nearest
-from flexarm_daq.rigs.late_readings import require_one_each
+from flexarm_daq.rigs.late_readings import SensorSettings, require_from_zero
 from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
@@ -27,9 +27,12 @@ INSTALL: Final = f'{sys.executable} -m pip install "mujoco>=3.3,<5"'
 _ENTRY = re.compile(r"(.+)\[(\d+)\]")
 
 
-@dataclass(frozen=True)
-class MujocoSettings:
+@dataclass(frozen=True, kw_only=True)
+class MujocoSettings(SensorSettings):
     """Settings of the driver `mujoco`.
+
+    A sensor is named ``NAME[INDEX]`` for an entry of one with several, or ``jointpos:JOINT`` or
+    ``jointvel:JOINT``. The mass of the payload is added to a body, at its centre of mass.
 
     Attributes
     ----------
@@ -37,25 +40,10 @@ class MujocoSettings:
         MJCF or URDF file, a relative one beside the description; or ``thesis_arm`` or ``two_link``.
     actuators : tuple of str
         Actuator of each input, or ``motor:JOINT`` for a torque at a joint that has none.
-    sensors : tuple of str
-        Sensor of each output, ``NAME[INDEX]`` for an entry of one with several, or
-        ``jointpos:JOINT`` or ``jointvel:JOINT``.
-    noise : tuple of float
-        Standard deviation of the noise of each output, in the units of the sensor.
-    delay_s : tuple of float
-        Age of what each output reads, s: a camera's exposure and computation.
-    frame_hz : tuple of float
-        Frames a second of each output, which is held between them; 0 for each sample anew.
-    seed : int
-        Seed of the noise.
     substeps : int
         Steps of the engine in a period; 0 for as many as the model's own time step needs.
     payload_body : str
         Body that carries the payload.
-    payload_kg : float
-        Mass that is added to that body, at its centre of mass.
-    rate_hz : float
-        Sampling rate, Hz.
 
     Raises
     ------
@@ -65,21 +53,12 @@ class MujocoSettings:
 
     model: str
     actuators: tuple[str, ...]
-    sensors: tuple[str, ...]
-    noise: tuple[float, ...] = ()
-    delay_s: tuple[float, ...] = ()
-    frame_hz: tuple[float, ...] = ()
-    seed: int = 0
     substeps: int = 0
     payload_body: str = ""
-    payload_kg: float = 0.0
-    rate_hz: float = 300.0
 
     def __post_init__(self) -> None:
-        for name in ("seed", "substeps", "payload_kg"):
-            if getattr(self, name) < 0:
-                raise SettingError(f"settings.{name} = {getattr(self, name)} must not be negative")
-        require_one_each(self.sensors, self)
+        super().__post_init__()
+        require_from_zero(self, "substeps")
         if self.payload_kg and not self.payload_body:
             raise SettingError("settings.payload_kg needs settings.payload_body, which carries it")
 

@@ -54,8 +54,6 @@ class MujocoRig:
         self.settings = settings
         self._folder = folder
         self.clock = clock
-        each = len(settings.sensors)
-        self._noise = np.array(settings.noise or [0.0] * each)
         self._arm: MujocoArm | None = None
 
     @property
@@ -73,9 +71,7 @@ class MujocoRig:
     def open(self) -> None:
         """Start at the model's rest, at time zero, with the noise's seed; see `Rig.open`."""
         self._arm = MujocoArm(self.settings, self._folder)
-        self._random = np.random.default_rng(self.settings.seed)
-        none = [0.0] * len(self._noise)
-        self._told = LateReadings(self.settings.delay_s or none, self.settings.frame_hz or none)
+        self._told = LateReadings(self.settings)
         self._is_fresh = True
         self._moved_s = self.clock() if self.clock is not None else 0.0
 
@@ -87,8 +83,7 @@ class MujocoRig:
         elif not self._is_fresh:
             arm.advance(arm.substeps)
         self._is_fresh = False
-        noise = self._noise * self._random.standard_normal(len(self._noise))
-        return RigSample(arm.time_s, self._told(arm.time_s, arm.outputs() + noise))
+        return RigSample(arm.time_s, self._told(arm.time_s, arm.outputs()))
 
     def write(self, commands: Sequence[float]) -> None:
         """Command the actuators, which clip as the model says; see `Rig.write`."""

@@ -58,7 +58,11 @@ def folder(tmp_path: Path) -> Path:
 
 def spring(**changes: object) -> MujocoSettings:
     settings = MujocoSettings(
-        "spring.xml", ("motor",), ("angle", "gyro[2]"), rate_hz=500.0, substeps=20
+        model="spring.xml",
+        actuators=("motor",),
+        sensors=("angle", "gyro[2]"),
+        rate_hz=500.0,
+        substeps=20,
     )
     return replace(settings, **changes)  # type: ignore[arg-type]
 
@@ -232,7 +236,11 @@ def test_urdf___joint_without_actuator_and_sensor___gets_them_by_the_joints_name
     folder: Path,
 ) -> None:
     settings = MujocoSettings(
-        "robot.urdf", ("motor:axis",), ("jointpos:axis", "jointvel:axis"), rate_hz=500.0, substeps=9
+        model="robot.urdf",
+        actuators=("motor:axis",),
+        sensors=("jointpos:axis", "jointvel:axis"),
+        rate_hz=500.0,
+        substeps=9,
     )
     measured = run(MujocoRig(settings, folder), np.full((200, 1), 0.1))
     time_s = np.arange(200) / 500.0
