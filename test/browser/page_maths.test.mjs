@@ -165,7 +165,7 @@ test("numbers are written with a true minus, and never as minus zero", () => {
 });
 
 test("a signal is shown in volts or in its unit", () => {
-  const units = new Units([{ name: "position_v", unit: "V", si_unit: "deg", si_per_v: 35 / 3 }]);
+  const units = new Units([{ name: "position_v", unit: "V", si_unit: "deg", si_per_unit: 35 / 3 }]);
   assert.equal(units.shown("position_v", 3, 1), "35.0°");
   units.si = false;
   assert.equal(units.shown("position_v", 3, 1), "3.0 V");
@@ -173,8 +173,8 @@ test("a signal is shown in volts or in its unit", () => {
 
 test("a signal of another arm has its own unit, and decimals that suit its range", () => {
   const units = new Units([
-    { name: "cart_mm", unit: "mm", si_unit: "m", si_per_v: 1e-3, low: -250, high: 250 },
-    { name: "strain", unit: "ustrain", si_unit: "1", si_per_v: 1e-6, low: null, high: null },
+    { name: "cart_mm", unit: "mm", si_unit: "m", si_per_unit: 1e-3, low: -250, high: 250 },
+    { name: "strain", unit: "ustrain", si_unit: "1", si_per_unit: 1e-6, low: null, high: null },
   ]);
   assert.equal(units.shown("cart_mm", 125, 1), "0.125 m");
   assert.equal(units.shown("strain", 25), "0.000025");

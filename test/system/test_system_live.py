@@ -119,7 +119,7 @@ def test_page___while_an_experiment_runs___leaves_the_arm_to_it(
         for request in (
             {"do": "fault", "name": "none"},
             {"do": "activate", "node": "controller"},
-            {"do": "reference", "value_v": 1.0},
+            {"do": "reference", "value": 1.0},
             {"do": "record", "on": False},
         ):
             refused = told(**request)
