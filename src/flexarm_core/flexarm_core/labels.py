@@ -65,9 +65,10 @@ _TIME_WORDS_S = {
     "ns|nsecs?|nanos|nanoseconds?": 1e-9,
     "min|minutes?": 60.0,
     "h|hours?": 3600.0,
+    "d|days?": 86400.0,
 }
 #: Units of time by their usual signs, s.
-TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3.6e3, "d": 8.64e4}
 #: How a name ends with a unit: ``time_ms``, ``t [ms]``, ``t (ms)``, ``t/ms``, ``t, ms``, ``t ms``.
 TIME_UNIT_ENDING = rf"(?:_| *[\[(/,] *| +)(?:{'|'.join(_TIME_WORDS_S)})[\])]?"
 DEADBEAT = 1e-12

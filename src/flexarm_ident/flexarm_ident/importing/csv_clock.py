@@ -10,15 +10,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from flexarm_core.arrays import FloatArray
 
 _DATE = r"(?:(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})|(\d{1,2})([./-])(\d{1,2})[./-](\d{4}|\d{2}))"
-_TIME = r"(\d{1,2}):(\d{2})(?::(\d{2}))?(?:[.,](\d{1,9})|(?<=:\d\d):(\d{3}))?\s*([AaPp][Mm])?"
+_TIME = r"(\d{1,2}):(\d{2})(?::(\d{2}))?(?:[.,;](\d{1,9})|(?<=:\d\d):(\d{3}))?\s*([AaPp][Mm])?"
 _ZONE = r"\s*(?:Z|UTC|([+-])(\d{2}):?(\d{2}))?"
 _CLOCK = re.compile(rf"(?:{_DATE}(?:[T ]+|$))?(?:{_TIME})?{_ZONE}")
 _MONTHS = 12
 _NAMES = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _NAMED = re.compile(rf"(\d{{1,2}})[- ]({'|'.join(_NAMES)})[- ](\d{{4}})", re.IGNORECASE)
+# The basic form of ISO 8601.
+_COMPACT = re.compile(r"^(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)(?!\d)")
 # As MATLAB writes durations.
 _DURATION = re.compile(r"([+-]?[\d.]+(?:e[+-]?\d+)?) (sec|min|hr|day)s?")
 _DURATION_S = {"sec": 1.0, "min": 60.0, "hr": 3600.0, "day": 86400.0}
@@ -26,8 +30,10 @@ _DAYS = re.compile(r"(\d+) days? (?=\d)")
 _DAY_S = 86400.0
 # Years of two digits are of 1970 to 2069.
 _FIRST_YEAR, _CENTURY = 70, 100
-# Counters of 16 and 32 bits are what programs take their times from.
-_COUNTERS, _FEW_STEPS = (2.0**16, 2.0**32), 5.0
+# Counters of 16 to 32 bits are what programs take their times from, and parts of a second or a
+# minute, which begin anew three times or more.
+_COUNTERS, _FEW_STEPS = (2.0**16, 2.0**24, 2.0**32), 5.0
+_PARTS, _FEWEST_TURNS = (1.0, 1e3, 1e6, 1e9, 60.0, 6e4), 3
 
 _HALF_A_DAY_S = 43200.0
 # Stamps since 1970 are of the years 2001 to 2128.
@@ -38,7 +44,7 @@ def is_clock(text: str) -> bool:
     """Return whether a text is a date with a time, a date, a time of the day, or a duration."""
     return _DURATION.fullmatch(text) is not None or (
         bool(text)
-        and (":" in text or text.count("-") + text.count("/") + text.count(".") > 1)
+        and (":" in text or "T" in text or text.count("-") + text.count("/") + text.count(".") > 1)
         and _CLOCK.fullmatch(_in_numbers(text)) is not None
     )
 
@@ -81,25 +87,37 @@ def clock_s(text: str) -> float:
 
 
 def _in_numbers(text: str) -> str:
-    """Return an instant without its days, and with the number of a month that has its name."""
+    """Return an instant without its days, with marks, and numbers for the names of months."""
     named = _NAMED.sub(
         lambda at: f"{at[3]}-{_NAMES.index(at[2].lower()) + 1}-{at[1]}", text.strip()
     )
+    named = _COMPACT.sub(r"\1-\2-\3T\4:\5:\6", named)
     return _DAYS.sub("", named, count=1)
 
 
+def nanoseconds_of(seconds: str, names: Sequence[str]) -> str:
+    """Return the column of the nanoseconds that belong to whole seconds; empty without one."""
+    stem = re.sub(r"secs?$", "", seconds)
+    others = (f"{stem}{word}" for word in ("nanosec", "nsec", "nsecs", "nanosecs"))
+    return next((other for other in others if stem != seconds and other in names), "")
+
+
 def counted_on(ticks: FloatArray) -> FloatArray:
-    """Return the times of a counter that began anew at 0 behind its last number."""
-    whole = np.all(np.isfinite(ticks)) and np.all((ticks >= 0.0) & (ticks == np.rint(ticks)))
-    if not whole or not len(ticks):
+    """Return the times of a counter that began anew at its least number behind its last one."""
+    if not len(ticks) or not np.all(np.isfinite(ticks)):
         return ticks
     steps = np.diff(ticks)
     back = steps < 0.0
-    for turn in _COUNTERS:
+    are_counts = np.all(ticks == np.rint(ticks))
+    turns = [*(_COUNTERS if are_counts else ())]
+    # Runs begin at one instant each, and a clock is read from anywhere on.
+    if np.count_nonzero(back) >= _FEWEST_TURNS and ticks[0] > ticks[1:][back].max() + steps.max():
+        turns += _PARTS
+    for turn in turns:
         # What begins anew otherwise, as a second run does, is far from the end of a turn.
         turned = steps[back] + turn
         if len(turned) and turned.min() > 0.0 and turned.max() <= _FEW_STEPS * np.median(steps):
-            return ticks + turn * np.concatenate([[0.0], np.cumsum(back)])
+            return np.asarray(ticks + turn * np.concatenate([[0.0], np.cumsum(back)]))
     return ticks
 
 

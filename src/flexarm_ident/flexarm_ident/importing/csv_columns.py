@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import TIME_UNIT_ENDING, TIME_UNITS_S, named_twice, time_unit_s
-from flexarm_ident.importing.csv_clock import is_clock
+from flexarm_ident.importing.csv_clock import is_clock, nanoseconds_of
 from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
-from flexarm_ident.importing.csv_table import columns_told, nanoseconds_of, read_table, table_layout
+from flexarm_ident.importing.csv_table import columns_told, read_table, table_layout
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from flexarm_ident.importing.csv_layout import Layout
 
 _TIME = re.compile(
-    r"_*(t|(rel_|elapsed )?time|time ?_?stamp|date ?_?time|elapsed|seconds|ms|us|ns|millis|micros|"
+    r"_*(t|(rel_|elapsed )?time|time ?_?stamp|date ?_?time|elapsed|seconds?|ms|us|ns|millis|micros|"
     rf"zeit|x_value|(.*[._/])?secs?)({TIME_UNIT_ENDING})?(#\d+)?",
     re.IGNORECASE,
 )
 _HAS_TIME = re.compile(r"(.*[\W_])?(time|zeit)([\W_].*)?", re.IGNORECASE)
-_CLOCK = re.compile(r"(.*[\W_])?(t|time|zeit|stamp|timestamp)([\W_].*)?", re.IGNORECASE)
+_CLOCK = re.compile(r"(.*[\W_])?(t|time|zeit|stamp|timestamp)(\d*|[\W_].*)", re.IGNORECASE)
 _COMMAND = re.compile(
     r"(u|tau|torque|command|cmd|effort|force|current|voltage|input|control|drive|motor|pwm)"
     r"([ _.-]*(cmd|command|in|nm|n|v|a))?[ _.-]*\d*([ _.-]*(cmd|command|nm|n|v|a))?",
@@ -236,7 +236,7 @@ def _times(layout: Layout) -> list[str]:
         if _TIME.fullmatch(name)
         and not (_WHOLE_SECONDS.fullmatch(name) and not nanoseconds_of(name, layout.names))
         # A date is in another column than the time of the day.
-        and not (is_clock(cells.get(name, "")) and ":" not in cells[name])
+        and not (is_clock(cells.get(name, "")) and not set(":T") & set(cells[name]))
     ]
     told = named or [
         name

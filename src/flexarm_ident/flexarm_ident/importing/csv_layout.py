@@ -12,16 +12,17 @@ import re
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import count, islice, takewhile
 from typing import TYPE_CHECKING
 
 from flexarm_core.bounds import require_plain_file
 from flexarm_core.errors import FlexarmError, reason
 from flexarm_core.labels import time_unit_s, unit_ending
-from flexarm_ident.importing.csv_clock import is_clock
+from flexarm_ident.importing.csv_cells import MISSING, NAME, bare, is_value
+from flexarm_ident.importing.csv_forms import BEGINNINGS, other_form
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
     from typing import TextIO
 
@@ -31,12 +32,6 @@ _TABLES = frozenset(
 )
 # Of equally good ones the first counts; a blank stands for white space of any length.
 _SEPARATORS = ("\t", ",", ";", "|", " ")
-# What programs write for a number that they lack; NaN is a number to Python.
-MISSING = frozenset(
-    {"", "-", "--", "?", "...", "na", "n/a", "null", "nil", "none", "missing", "<missing>"}
-    | {"#n/a", "#na", "#div/0!", "#value!", "#num!", "#ref!", "1.#qnan", "-1.#ind", "ovf", "bad"}
-    | {"#nv", "#n/v", "#wert!", "#zahl!", "#bezug!", "no data", "nodata", "*", "---", "--.--"}
-)
 # A line of a table has some hundred characters.
 _LINE_CHARACTERS = 1 << 20
 _HEAD_LINES = 400
@@ -44,15 +39,12 @@ _HEAD_LINES = 400
 _TAIL, _LAST_ROWS = 1 << 14, 10
 _HEAD_CHARACTERS = 1 << 20
 _COMMENT = re.compile(r"\s*(#+|%+|//+)\s*")
-_NUMBER = re.compile(
-    r"[+-]?[0-9.,][0-9.,_' \u00a0\u202f]*([eEdD][+-]?[0-9]+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE
-)
-_SPACED = re.compile(r"[+-]?[0-9]{1,3}(?: [0-9]{3})+(?:[.,][0-9]+)?")
 _PAIR = re.compile(
     r"(?<![\w./\[\]])([A-Za-z_][\w./\[\]]*)[\"']?\s*[:=]\s*"
     r"([+-]?[0-9.]+(?:,[0-9]+)?(?:[eE][+-]?[0-9]+)?|nan)"
 )
 _ARROW = " -> "
+_BRACKETED = re.compile(r"\s*[\[(]+([^\[\]()]*)[\])]+,?\s*")
 _UNIT = re.compile(
     r"[\[(].*[\])]||-|1|%|\u00b0[CF]?|[num\u00b5\u03bck]?(V|A|N|g|K|Pa|bar|m|Hz|W)|N ?m|cm|counts?|"
     r"sequence|ticks?|(deg|rad|m|V|mm)(/s(\^?2|\u00b2)?)?|rpm|degrees?|float(32|64)?|double|int(32|64)?|"
@@ -60,37 +52,7 @@ _UNIT = re.compile(
     re.IGNORECASE,
 )
 _NAME_AND_UNIT = re.compile(r"\S+(?: +[\[(][^\])]*[\])])?")
-_NAME = re.compile(r".*[^\W\d].*")
 _TIME_NAME = re.compile(r"[\W_]*(t|time|time ?stamp|zeit|x_value)([\W_].*)?", re.IGNORECASE)
-# First bytes of files that are called or taken for text, and what to do.
-_BINARY = (
-    (b"PK\x03\x04", "is an Excel or OpenDocument workbook or a zip file: save its sheet as CSV"),
-    (b"\xd0\xcf\x11\xe0", "is an old Excel workbook: save its sheet as CSV"),
-    (b"PAR1", "is a Parquet file: write it as CSV, such as by pandas.DataFrame.to_csv"),
-    (b"\x89HDF", "is an HDF5 or MATLAB 7.3 file: write its arrays by numpy.savetxt"),
-    (b"MATLAB", "is a MATLAB file: write its signals as CSV by MATLAB's writetable"),
-    (b"TDSm", "is a LabVIEW TDMS file: export it as text (.lvm) or CSV"),
-    (b"SQLite format 3", "is a SQLite file: a bag of ROS 2 is called .db3"),
-    (b"\x89MCAP0", "is an MCAP bag: call it .mcap"),
-    (b"#ROSBAG V", "is a bag of ROS 1: convert it by `rosbags-convert`"),
-    (b"\x1f\x8b", "is packed by gzip: unpack it by gunzip"),
-    (b"<", "is HTML or XML and no table of text: open it and save the table as CSV"),
-    (b"ARROW1", "is an Arrow or Feather file: write it as CSV, such as by pandas"),
-)  # fmt: skip
-# Lines of texts that are not tables, and what to do.
-_FORMS = (
-    (
-        re.compile(r"---|(- )?[A-Za-z_]\w*:( \S+)?|- \S+"),
-        "is the text of `ros2 topic echo`: record a bag, or print it by `ros2 topic echo --csv`",
-    ),
-    (
-        re.compile(r"\([0-9.]+\) \w+ [0-9A-Fa-f]+#.*"),
-        "is a log of CAN frames: decode it to CSV with its database, such as by `cantools`",
-    ),
-    (re.compile(r">[^:]+:[0-9.]+:.*"), "has one value a row, its name before it: export it as CSV"),
-)
-_NAMING = frozenset({"field", "signal", "variable", "channel", "topic", "tag", "metric"})
-_FEW_ROWS, _WIDE = 10, 50
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),
@@ -98,6 +60,7 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
+_FIRST_PRINTED, _SPACES = 0x20, b"\t\n\f\r\x1b"
 _NOT_CP1252 = (b"\x81", b"\x8d", b"\x8f", b"\x90", b"\x9d")
 
 
@@ -139,8 +102,13 @@ class Layout:
     is_named: bool
 
     def unit(self, name: str) -> str:
-        """Return the unit of a column that the line below the names gives; else empty."""
-        return dict(zip(self.names, self.units, strict=False)).get(name, "")
+        """Return the unit of a column that the line below the names or its cells give."""
+        units = dict(zip(self.names, self.units, strict=False))
+        return units.get(name) or self.unit_in_cells(name)
+
+    def unit_in_cells(self, name: str) -> str:
+        """Return the unit that stands behind the numbers of a column; else empty."""
+        return bare(dict(zip(self.names, self.cells, strict=False)).get(name, ""))[1]
 
     def unit_s(self, name: str) -> float | None:
         """Return the unit of time that a column's name or the line below gives, s."""
@@ -186,13 +154,33 @@ def read_layout(path: Path) -> Layout:
             size += len(line)
             if size > _HEAD_CHARACTERS:
                 break
+    head = _without_breaks(head)
     try:
         layout = _layout(head, encoding)
     except csv.Error as error:
         raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
-    if remedy := _other_form(head, layout):
+    rows = (_split(line, layout.separator, layout.names) for line in head[layout.first_line - 1 :])
+    of_width = [cells for cells in rows if len(cells) == layout.width]
+    if remedy := other_form(head, layout.names, of_width):
         raise CsvImportError(f"{path}: {remedy}")
     return layout
+
+
+def _without_breaks(head: Sequence[str]) -> list[str]:
+    """Return lines in which no cell is broken, as spreadsheets break names; their places stay."""
+    whole: list[str] = []
+    opens = -1
+    for k, line in enumerate(head):
+        is_odd = line.count('"') % 2 == 1
+        if opens >= 0:
+            whole[opens] = f"{whole[opens].rstrip()} {line}"
+            opens = -1 if is_odd else opens
+            whole.append("\n")
+            continue
+        opens = k if is_odd else -1
+        whole.append(line)
+    # A mark that nothing ends is one of inches.
+    return whole if opens < 0 else list(head)
 
 
 def opened(path: Path, encoding: str) -> TextIO:
@@ -206,18 +194,17 @@ def opened(path: Path, encoding: str) -> TextIO:
 def lines_of(file: TextIO, path: Path) -> Iterator[str]:
     """Return the lines of a text, none of which fills the memory.
 
-    Zero bytes end it, as a computer that lost its power leaves them behind the last row.
+    Zero bytes end a line, as a computer that lost its power leaves them where it wrote. Brackets
+    around a line, as Python prints lists, are no part of it.
     """
-    while line := file.readline(_LINE_CHARACTERS):
-        line = line.replace("\u2212", "-")
-        text, zero, _ = line.partition("\0")
-        if zero:
-            if text:
-                yield text
-            return
-        if len(line) == _LINE_CHARACTERS:
+    while text := file.readline(_LINE_CHARACTERS):
+        if len(text) == _LINE_CHARACTERS:
             raise CsvImportError(f"{path}: a line has {_LINE_CHARACTERS} characters or more")
-        yield line
+        for line in filter(None, text.replace("\u2212", "-").split("\0")):
+            if line.lstrip().startswith(("[", "(")) and (inside := _BRACKETED.fullmatch(line)):
+                yield inside[1] + "\n"
+            else:
+                yield line
 
 
 def is_cut(path: Path, layout: Layout) -> bool:
@@ -253,14 +240,6 @@ def is_comment(cells: Sequence[str]) -> bool:
     return bool(cells and _COMMENT.match(cells[0])) or not has_values
 
 
-def is_value(cell: str) -> bool:
-    """Return whether a cell has a number or an instant, in whatever form."""
-    text = cell.strip()
-    if " " in text and not is_clock(text):
-        return bool(_SPACED.fullmatch(text))
-    return bool(_NUMBER.fullmatch(text)) or is_clock(text)
-
-
 def _encoding(path: Path) -> str:
     try:
         require_plain_file(path)
@@ -268,8 +247,8 @@ def _encoding(path: Path) -> str:
             start = file.read(1 << 16)
     except OSError as error:
         raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
-    for magic, remedy in _BINARY:
-        if start.startswith(magic):
+    for begin, remedy in BEGINNINGS:
+        if begin.match(start):
             raise CsvImportError(f"{path}: {remedy}")
     for mark, encoding in _MARKS:
         if start.startswith(mark):
@@ -280,7 +259,9 @@ def _encoding(path: Path) -> str:
         for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
             if start[first::2].count(0) == start.count(0) == len(start) // 2:
                 return encoding
-        raise CsvImportError(f"{path}: is a binary file and no text: export it as CSV")
+        start = start.replace(b"\0", b"")
+        if any(byte < _FIRST_PRINTED and byte not in _SPACES for byte in start):
+            raise CsvImportError(f"{path}: is a binary file and no text: export it as CSV")
     with suppress(UnicodeDecodeError):
         codecs.getincrementaldecoder("utf-8")().decode(start)
         return "utf-8"
@@ -310,8 +291,12 @@ def _layout(head: Sequence[str], encoding: str) -> Layout:
     _, width, rows = found[separator]
     if not rows:
         return _header_alone(head, encoding)
-    first = rows[0]
-    cells = _split(head[first], separator)
+    usual = _split(head[rows[-1]], separator)
+    table = {k: _split(head[k], separator) for k in rows}
+    first = next(
+        k for k in rows if not (_has_own_units(table[k], usual) or _is_of_head(table, k, usual))
+    )
+    cells = table[first]
     counted = [cell.strip() for cell in cells] == [str(k) for k in range(len(cells))]
     above = [*range(first)]
     names, units = _named(head, above, separator, width - _empty_ends(head, rows, separator))
@@ -335,45 +320,6 @@ def _layout(head: Sequence[str], encoding: str) -> Layout:
         width,
         is_named,
     )
-
-
-def _other_form(head: Sequence[str], layout: Layout) -> str:
-    """Return what to do with a text whose signals have no column each; empty for a table."""
-    lines = [line.strip() for line in head if line.strip()]
-    for form, remedy in _FORMS:
-        if 2 * sum(bool(form.fullmatch(line)) for line in lines) > len(lines):
-            return remedy
-    rows = [
-        cells
-        for line in head[layout.first_line - 1 :]
-        if len(cells := _split(line, layout.separator, layout.names)) == layout.width
-    ]
-    if 0 < len(rows) < _FEW_ROWS and all(_NAME.fullmatch(cells[0]) for cells in rows):
-        if layout.width > _WIDE:
-            return "its signals stand in rows: transpose it, so that each has a column"
-        return ""
-    naming = [
-        name
-        for name, cells in zip(layout.names, zip(*rows, strict=True), strict=False)
-        if _has_names(name, cells)
-    ]
-    is_pair = sum(map(is_value, layout.cells)) == 2  # noqa: PLR2004 - time and value
-    if naming and (is_pair or "_value" in layout.names):
-        return (
-            f"has one value a row, and column {naming[-1]} says of what: give each signal a "
-            "column, such as by pandas.DataFrame.pivot"
-        )
-    return ""
-
-
-def _has_names(column: str, cells: Sequence[str]) -> bool:
-    """Return whether a column has names of signals: others from row to row, or it is called so."""
-    words = set(cells)
-    if any(is_value(word) or not _NAME.fullmatch(word) for word in words) or words & MISSING:
-        return False
-    changes = sum(first != second for first, second in pairwise(cells))
-    is_called = column.strip("_").lower() in _NAMING
-    return is_called or (2 * changes > len(cells) > 2 * len(words))
 
 
 def _keyed(head: Sequence[str], encoding: str) -> Layout | None:
@@ -427,23 +373,41 @@ def _named(
     fallback: list[str] = []
     for k in reversed(above):
         cells = _header_cells(head[k], separator, width)
-        if not any(cells):
+        if not any(cells) or all(bare(cell)[1] for cell in cells):
+            # Some have the rates of the channels, as `200 Hz`, between names and rows.
             continue
         if len(cells) >= width and not units and _are_units(cells[:width]):
             units = cells[:width]
-        elif len(cells) >= width and any(map(_NAME.fullmatch, cells)):
+        elif len(cells) >= width and any(map(NAME.fullmatch, cells)):
             # Programs put lines of types and ways between the names and the rows. Beside a time
             # there are an input and an output.
             times = sum(map(bool, map(_TIME_NAME.fullmatch, cells)))
             if 0 < times < len(cells) - 1 and not any(map(is_value, cells)):
                 return cells, units
-            named = named or (cells, units)
-        elif len(cells) == width - 1 and len(cells) > 1 and not named:
+            if named is None or _tells_more(cells, named[0]):
+                named = cells, units
+        elif len(cells) == width - 1 and len(cells) > 1 and not (named or units):
             # Names of rows have no name themselves.
             return ["", *cells], units
-        elif len(cells) > 1 and not fallback and all(map(_NAME.fullmatch, cells)):
+        elif len(cells) > 1 and not fallback and all(map(NAME.fullmatch, cells)):
             fallback = cells
     return named or ((units or fallback), [])
+
+
+def _has_own_units(cells: Sequence[str], usual: Sequence[str]) -> bool:
+    """Return whether a line has units behind numbers where a usual row has none."""
+    return any(bare(a)[1] and not bare(b)[1] for a, b in zip(cells, usual, strict=True))
+
+
+def _is_of_head(table: Mapping[int, Sequence[str]], first: int, usual: Sequence[str]) -> bool:
+    """Return whether lines have words where rows are empty, down to one that is no row."""
+    block = (table[k][0] for k in takewhile(table.__contains__, count(first)))
+    return not usual[0].strip() and all(map(NAME.fullmatch, block))
+
+
+def _tells_more(cells: Sequence[str], named: Sequence[str]) -> bool:
+    """Return whether a line has more different words than names that come again and again."""
+    return len(set(cells)) > len(set(named)) and not any(map(is_value, cells))
 
 
 def _empty_ends(head: Sequence[str], rows: Sequence[int], separator: str) -> int:
@@ -492,9 +456,9 @@ def _header_alone(head: Sequence[str], encoding: str) -> Layout:
 
 def _once(names: Sequence[str]) -> list[str]:
     """Return names, those that come twice with their number."""
-    count, seen = Counter(names), Counter[str]()
+    times, seen = Counter(names), Counter[str]()
     told = []
     for name in names:
         seen[name] += 1
-        told.append(f"{name}#{seen[name]}" if name and count[name] > 1 else name)
+        told.append(f"{name}#{seen[name]}" if name and times[name] > 1 else name)
     return told

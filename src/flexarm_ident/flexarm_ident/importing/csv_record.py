@@ -161,7 +161,8 @@ def _require_stamps(path: Path, found: Sampling) -> None:
     if not is_rate(rate_hz):
         raise CsvImportError(
             f"{path}: a rate of {rate_hz:.6g} Hz is outside {SLOWEST_HZ:g} to {FASTEST_HZ:g} Hz: "
-            "times are in seconds, or in a unit at the end of the column's name, as in time_us"
+            "times are in seconds, or in a unit at the end of the column's name, as in time_us; "
+            "else state it: --time COLUMN:us (ms, ns, min, h, or d for a spreadsheet's days)"
         )
     if (rows - 1) / rate_hz > _LATEST_S:
         raise CsvImportError(

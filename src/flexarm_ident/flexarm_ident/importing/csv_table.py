@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import csv
-import re
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from textwrap import shorten
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm_core.bounds import shown
 from flexarm_core.errors import reason
 from flexarm_core.labels import TIME_UNITS_S, counted
-from flexarm_ident.importing.csv_clock import clock_s, in_seconds, is_clock
+from flexarm_ident.importing.csv_cells import (
+    NAME,
+    THOUSANDS,
+    bare,
+    decimal_mark,
+    is_value,
+    is_word,
+)
+from flexarm_ident.importing.csv_clock import in_seconds, is_clock, nanoseconds_of
 from flexarm_ident.importing.csv_layout import (
-    MISSING,
     CsvImportError,
     Layout,
     is_comment,
@@ -25,6 +31,13 @@ from flexarm_ident.importing.csv_layout import (
     lines_of,
     opened,
     read_layout,
+)
+from flexarm_ident.importing.csv_numbers import (
+    Column,
+    Rows,
+    to_numbers,
+    without_stand_ins,
+    word_notes,
 )
 
 if TYPE_CHECKING:
@@ -35,18 +48,13 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import BoolArray, FloatArray
     from flexarm_ident.importing.csv_map import CsvMap
-
-    Row = tuple[int, list[str]]
+    from flexarm_ident.importing.csv_numbers import Row
 
 # So many characters of the names, and so many lines, are shown.
 _LONGEST, _SHOWN = 500, 5
 _BLOCK_ROWS = 50_000
 # Part of the rows that are short by accident.
 _FEW = 0.01
-_THOUSANDS = {
-    mark: re.compile(rf"([+-]?\d{{1,3}})((?:{other}\d{{3}})+)(\{mark}\d*)?")
-    for mark, other in ((".", "[,' \u00a0\u202f]"), (",", "[.' \u00a0\u202f]"))
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,29 +88,6 @@ class CsvTable:
     unit_told: bool = True
 
 
-class _Column(NamedTuple):
-    """Column to read, and what to do about a cell without a number; nothing where it may lack."""
-
-    name: str
-    place: int
-    advice: str = ""
-    is_time: bool = False
-
-
-@dataclass
-class _Rows:
-    """Rows that were read so far, in blocks."""
-
-    blocks: list[FloatArray]
-    lines: list[NDArray[np.int64]]
-    places: list[NDArray[np.int64]]
-    words: list[int] = field(default_factory=list)
-    short: list[int] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    # What is wrong with the first input or time that lacks.
-    lacking: dict[str, str] = field(default_factory=dict)
-
-
 def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> CsvTable:
     """Read the columns of a map: its time where there is one, inputs, outputs.
 
@@ -133,9 +118,13 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
     values, lines_read, places = _without_zeros(found, *_whole_rows(found), mapping)
     if len(values) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
         raise CsvImportError(f"{path}: data rows: {len(values)}; at least 2 are needed")
+    found.notes += word_notes(found, len(values))
+    values, notes = without_stand_ins(values, columns, path)
+    found.notes += notes
     for column, cells in zip(columns, values.T, strict=True):
         if np.isnan(cells).all():
-            raise CsvImportError(f"{path}: column {column.name} has no number: leave it out")
+            advice = "give the rate as --time 200Hz" if column.is_time else "leave it out"
+            raise CsvImportError(f"{path}: column {column.name} has no number: {advice}")
     known = ~np.isnan(values)
     own_instants = mapping.time is not None and _have_own_rows(known[:, 1:], len(mapping.inputs))
     if found.lacking and not (own_instants and mapping.time not in found.lacking):
@@ -167,7 +156,7 @@ def _lines(path: Path, layout: Layout, *, ends_cut: bool) -> Iterator[Iterator[s
 
 
 def _without_zeros(
-    found: _Rows,
+    found: Rows,
     values: FloatArray,
     lines: NDArray[np.int64],
     places: NDArray[np.int64],
@@ -182,7 +171,7 @@ def _without_zeros(
     return values[used], lines[used], places[used]
 
 
-def _whole_rows(found: _Rows) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+def _whole_rows(found: Rows) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
     """Return the numbers, lines and places without the few rows that are short.
 
     Where many are, the program leaves out empty cells at their ends.
@@ -203,14 +192,12 @@ def _have_own_rows(known: BoolArray, inputs: int) -> bool:
     )
 
 
-def _plain_numbers(
-    lines: Iterator[str], layout: Layout, columns: Sequence[_Column]
-) -> _Rows | None:
+def _plain_numbers(lines: Iterator[str], layout: Layout, columns: Sequence[Column]) -> Rows | None:
     """Return the rows; None where a line is not of as many plain numbers as the first one."""
     if layout.separator not in "\t,;|" or layout.width > len(layout.names):
         return None
     marks: set[str] = set()
-    found = _Rows([], [], [])
+    found = Rows([], [], [])
     with suppress(ValueError):
         # Only one block is held as text.
         while block := list(islice(lines, _BLOCK_ROWS)):
@@ -239,22 +226,23 @@ def _plain_numbers(
     return None
 
 
-def _numbers(lines: Iterator[str], layout: Layout, columns: Sequence[_Column], path: Path) -> _Rows:
+def _numbers(lines: Iterator[str], layout: Layout, columns: Sequence[Column], path: Path) -> Rows:
     """Return the rows, of whatever a cell may hold."""
     none = np.empty(0, dtype=np.int64)
-    found, mark = _Rows([np.empty((0, len(columns)))], [none], [none]), ""
-    numbered = _rows_of(lines, layout, found, path)
+    found, mark = Rows([np.empty((0, len(columns)))], [none], [none]), ""
+    times = [column.place for column in columns if column.is_time]
+    numbered = _rows_of(lines, layout, times, found, path)
     while taken := list(islice(numbered, _BLOCK_ROWS)):
         block = [row for _, row in taken]
         mark = _decimal_mark(block, columns, layout, path, mark)
-        found.blocks.append(_to_numbers(block, columns, path, mark or ".", found.lacking))
+        found.blocks.append(to_numbers(block, columns, path, mark or ".", found))
         found.lines.append(np.array([line for line, _ in block], np.int64))
         found.places.append(np.array([place for place, _ in taken], np.int64))
     return found
 
 
 def _rows_of(
-    lines: Iterator[str], layout: Layout, found: _Rows, path: Path
+    lines: Iterator[str], layout: Layout, times: Sequence[int], found: Rows, path: Path
 ) -> Iterator[tuple[int, Row]]:
     """Return the rows that have numbers, each with its place among those and empty ones."""
     place, names = -1, len(layout.names)
@@ -264,7 +252,7 @@ def _rows_of(
         cells = [cell.strip() for cell in row]
         if len(cells) < 2 and not "".join(cells):  # noqa: PLR2004 - programs put blank lines
             continue
-        if any(cells) and is_comment(cells):
+        if any(cells) and (is_comment(cells) or _has_words_for(times, cells)):
             words.append(line)
             continue
         place += 1
@@ -282,7 +270,13 @@ def _rows_of(
             words.clear()
 
 
-def _told(found: _Rows) -> tuple[str, ...]:
+def _has_words_for(times: Sequence[int], cells: Sequence[str]) -> bool:
+    """Return whether a row has a word for its time, as `Maximum` below a table."""
+    there = [cells[place] for place in times if place < len(cells)]
+    return any(NAME.fullmatch(cell) and is_word(cell) for cell in there if not is_value(cell))
+
+
+def _told(found: Rows) -> tuple[str, ...]:
     """Return the lines that are not rows."""
     notes = [*found.notes]
     if found.short:
@@ -291,7 +285,7 @@ def _told(found: _Rows) -> tuple[str, ...]:
             "cells may have run together"
         )
     if found.words:
-        notes.append(f"{_lines_shown(found.words)} words and no numbers: left out")
+        notes.append(f"{_lines_shown(found.words)} words in place of numbers: left out")
     return tuple(notes)
 
 
@@ -302,7 +296,7 @@ def _lines_shown(lines: Sequence[int]) -> str:
     return f"{counted(len(lines), 'line')} ({shown_lines}) have"
 
 
-def _cut(table: CsvTable, columns: Sequence[_Column]) -> CsvTable:
+def _cut(table: CsvTable, columns: Sequence[Column]) -> CsvTable:
     known = ~np.isnan(table.values)
     firsts, lasts = known.argmax(axis=0), len(known) - 1 - known[::-1].argmax(axis=0)
     late, early = int(firsts.argmax()), int(lasts.argmin())
@@ -359,7 +353,7 @@ def table_layout(path: Path) -> Layout:
     return layout
 
 
-def _columns(layout: Layout, mapping: CsvMap, path: Path) -> list[_Column]:
+def _columns(layout: Layout, mapping: CsvMap, path: Path) -> list[Column]:
     header = layout.names
     wanted = mapping.columns()
     if doubled := [name for name in wanted if f"{name}#2" in header]:
@@ -373,18 +367,15 @@ def _columns(layout: Layout, mapping: CsvMap, path: Path) -> list[_Column]:
     inputs = f"an input must be known in every row: fill it{otherwise}"
     times = f"a row needs its time: fill it{otherwise}"
     parts = (mapping.time, nanoseconds_of(mapping.time, header)) if mapping.time else ()
+
+    def column(name: str, advice: str = "", *, is_time: bool = False) -> Column:
+        return Column(name, header.index(name), advice, is_time, layout.unit_in_cells(name))
+
     return [
-        *(_Column(name, header.index(name), times, is_time=True) for name in parts if name),
-        *(_Column(each.column, header.index(each.column), inputs) for each in mapping.inputs),
-        *(_Column(each.column, header.index(each.column)) for each in mapping.outputs),
+        *(column(name, times, is_time=True) for name in parts if name),
+        *(column(each.column, inputs) for each in mapping.inputs),
+        *(column(each.column) for each in mapping.outputs),
     ]
-
-
-def nanoseconds_of(seconds: str, names: Sequence[str]) -> str:
-    """Return the column of the nanoseconds that belong to whole seconds; empty without one."""
-    stem = re.sub(r"secs?$", "", seconds)
-    others = (f"{stem}{word}" for word in ("nanosec", "nsec", "nsecs", "nanosecs"))
-    return next((other for other in others if stem != seconds and other in names), "")
 
 
 def columns_told(layout: Layout) -> str:
@@ -397,18 +388,20 @@ def columns_told(layout: Layout) -> str:
             "as they are counted; "
         )
     )
+    if layout.encoding in {"cp1252", "latin-1"} and not "".join(layout.names).isascii():
+        alone += "the text is not in UTF-8: save it so if its names look wrong; "
     return f"{alone}there are: {shorten(', '.join(layout.names), _LONGEST)}"
 
 
 def _decimal_mark(
-    rows: Sequence[Row], columns: Sequence[_Column], layout: Layout, path: Path, known: str
+    rows: Sequence[Row], columns: Sequence[Column], layout: Layout, path: Path, known: str
 ) -> str:
     """Return the decimal mark of the rows so far, comma or point; nothing where none has one."""
     for line, row in rows:
         for column in columns:
             cell = row[column.place] if column.place < len(row) else ""
-            mark = "" if column.is_time and is_clock(cell) else _mark_of(cell)
-            if layout.separator == mark and _THOUSANDS["."].fullmatch(cell):
+            mark = "" if column.is_time and is_clock(cell) else decimal_mark(bare(cell)[0])
+            if layout.separator == mark and THOUSANDS["."].fullmatch(cell):
                 mark = ""
             if mark and known not in ("", mark):
                 raise CsvImportError(
@@ -418,69 +411,3 @@ def _decimal_mark(
                 )
             known = mark or known
     return known
-
-
-def _mark_of(cell: str) -> str:
-    """Return the decimal mark of a number; that of thousands is before it, or comes twice."""
-    last = max(",.", key=cell.rfind)
-    if last not in cell:
-        return ""
-    other = ",."[last == ","]
-    return other if cell.count(last) > 1 and _THOUSANDS[other].fullmatch(cell) else last
-
-
-def _to_numbers(
-    rows: Sequence[Row],
-    columns: Sequence[_Column],
-    path: Path,
-    mark: str,
-    lacking: dict[str, str],
-) -> FloatArray:
-    with suppress(ValueError, IndexError):
-        numbers = np.array(
-            [[float(row[column.place].replace(mark, ".")) for column in columns] for _, row in rows]
-        )
-        if np.isfinite(numbers).all():
-            return numbers
-    return np.array(
-        [
-            [_number(row, column, mark, f"{path}, line {line}", lacking) for column in columns]
-            for line, row in rows
-        ]
-    )
-
-
-def _number(
-    row: Sequence[str],
-    column: _Column,
-    mark: str,
-    where: str,
-    lacking: dict[str, str],
-) -> float:
-    """Return the number in a cell, NaN where nothing was measured."""
-    cell = row[column.place].strip() if column.place < len(row) else ""
-    where = f"{where}, column {column.name}"
-    try:
-        number = np.nan if cell.lower() in MISSING else _parsed(cell, mark, is_time=column.is_time)
-    except ValueError as error:
-        advice = "write it with a point" if "," in cell and mark != "," else "correct it"
-        advice = "close its quotation marks" if "\n" in cell else advice
-        raise CsvImportError(f"{where}: {shown(cell)} is not a number: {advice}") from error
-    if np.isinf(number):
-        advice = column.advice or "empty the cell where nothing was measured"
-        raise CsvImportError(f"{where}: {cell} is not finite; {advice}")
-    if np.isnan(number) and column.advice:
-        problem = f"{cell} is not a number" if cell else "empty cell"
-        lacking.setdefault(column.name, f"{where}: {problem}; {column.advice}")
-    return number
-
-
-def _parsed(cell: str, mark: str, *, is_time: bool) -> float:
-    if is_time and not cell.isdigit():
-        with suppress(ValueError):
-            return clock_s(cell)
-    if grouped := _THOUSANDS[mark].fullmatch(cell):
-        whole, thousands, fraction = grouped.groups("")
-        cell = whole + re.sub(r"\D", "", thousands) + fraction
-    # Fortran writes D for double precision.
-    return float(re.sub(r"(?<=\d)[dD](?=[+-]?\d)", "e", cell.replace(mark, ".")))

@@ -38,6 +38,8 @@ _FASTEST_HZ, _FAST_HZ, _SLOW_HZ, _SLOW_MOTOR_HZ = 1e5, 10.0, 1.0, 0.5
 _ROUND = 2e-4
 # Longer steps that people choose are whole minutes.
 _LONG_STEP_S = 100.0
+# Share of rows with the time of the row before that are no accident, and how often a clock is set.
+_FEW_EQUAL, _FEW_JUMPS = 0.1, 5
 _SMALLER_S = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _FAST_PLANT = re.compile(
     r"motor|torque|moment|current|voltage|volt|speed|veloc|omega|rpm|encoder|angle|accel|gyro|imu|"
@@ -225,6 +227,11 @@ def _refuse_emptiness(
 ) -> None:
     if periods.sum() - len(periods) > len(table.lines):
         longest = int(np.argmax(periods))
+        if longest == 0:
+            raise CsvImportError(
+                f"{table.path}, line {table.lines[0]}: column {column} has another time in its "
+                "first row than in those below: take it out"
+            )
         raise CsvImportError(
             f"{table.path}, line {table.lines[longest + 1]}: column {column} jumps by "
             f"{steps_s[longest]:.6g} s, and more rows are missing in all than there are: make a "
@@ -258,17 +265,30 @@ def refuse_backwards(table: CsvTable, column: str, steps_s: FloatArray) -> None:
     if np.all(steps_s > 0.0):
         return
     first = int(np.argmax(steps_s <= 0.0))
-    line = table.lines[first + 1]
-    times_s = table.values[:, 0]
+    times_s, line = table.values[:, 0], table.lines[first + 1]
+    parts = "make a file of each part, and give them together"
     if first > 0 and times_s[first + 1] < times_s[1]:
-        raise CsvImportError(
-            f"{table.path}, line {line}: column {column} begins anew: make a file of each run, and "
-            "give them together"
+        told = "begins anew: make a file of each run, and give them together"
+    elif first == 0 and np.all(steps_s[1:] > 0.0):
+        told, line = "has another time in its first row than in those below: take it out", line - 1
+    elif np.count_nonzero(steps_s == 0.0) > _FEW_EQUAL * len(steps_s):
+        even_hz = (len(steps_s) + 1) / float(np.ptp(times_s)) if np.ptp(times_s) else 0.0
+        rate = f" ({even_hz:.3g} Hz on average)" if even_hz else ""
+        told = (
+            "does not increase, as rows that come in packets or have too few digits have the same "
+            f"time: give the rate{rate} as --time 200Hz; rows that are there twice: keep one of "
+            "each"
         )
-    raise CsvImportError(
-        f"{table.path}, line {line}: column {column} does not increase: sort the rows, keep one of "
-        "those with the same time, or name the column of the time"
-    )
+    elif np.all(steps_s < 0.0):
+        told = "runs backwards: sort the rows by it"
+    elif np.count_nonzero(steps_s <= 0.0) <= _FEW_JUMPS:
+        told = f"goes back by {-steps_s[first]:.4g} s, as a clock that was set: {parts}"
+    else:
+        told = (
+            "does not increase: sort the rows, keep one of those with the same time, or name the "
+            "column of the time"
+        )
+    raise CsvImportError(f"{table.path}, line {line}: column {column} {told}")
 
 
 def _remedy(usual_s: float) -> str:

@@ -28,8 +28,14 @@ if TYPE_CHECKING:
 
     Rows = tuple[FloatArray, FloatArray]
 
-# A turn in degrees, tenths and hundredths of them, radians, gon, and in the counts of 8 to 32 bits.
-PERIODS = (360.0, 3600.0, 36000.0, 2.0 * math.pi, 400.0, *(2.0**bits for bits in range(8, 33)))
+# A turn as one, in degrees, tenths and hundredths of them, radians, gon, in the counts of encoders
+# of so many lines, and in those of 8 to 32 bits.
+_LINES = (250, 500, 1000, 1250, 2000, 2500, 5000, 10000)
+PERIODS = (
+    *(1.0, 360.0, 3600.0, 36000.0, 2.0 * math.pi, 400.0),
+    *(4.0 * lines for lines in _LINES),
+    *(2.0**bits for bits in range(8, 33)),
+)
 _TOLERANCE = 0.01
 _SMALL, _LARGE = 0.25, 0.75
 # Part of a period by which printed values may be beyond it, and how much faster than elsewhere an

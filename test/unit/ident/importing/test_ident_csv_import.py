@@ -211,7 +211,7 @@ def test_import___missing_file___says_so(tmp_path: Path) -> None:
     [
         (bytes(range(256)), "is a binary file and no text: export it as CSV"),
         ("t,i,\u03b2\u00b0\n".encode("cp1253"), "no column q; there are: t, i, "),
-        (b"PK\x03\x04" + bytes(99), "is an Excel or OpenDocument workbook or a zip file: save its"),
+        (b"PK\x03\x04" + bytes(99), "is an Excel or OpenDocument workbook or zip file: save its"),
         (b"PAR1" + bytes(99), "is a Parquet file: write it as CSV"),
         (b"\x89HDF\r\n\x1a\n" + bytes(99), "is an HDF5 or MATLAB 7.3 file: write its arrays by"),
         (
