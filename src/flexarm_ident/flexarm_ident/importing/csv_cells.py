@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from contextlib import suppress
 
+from flexarm_core.errors import FlexarmError
 from flexarm_ident.importing.csv_clock import clock_s, is_clock
 
 # What programs write for a number that they lack; NaN is a number to Python.
@@ -33,6 +34,10 @@ _ACCOUNTING = re.compile(r"\(([0-9.,]+)\)")
 _CHECKSUM = re.compile(r"(?<=\d)\*[0-9A-F]{2}$")
 _HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]+")
 _STATES = {"true": "1", "on": "1", "false": "0", "off": "0"}
+
+
+class CsvImportError(FlexarmError):
+    """Contradiction between a CSV file and its map."""
 
 
 def is_value(cell: str) -> bool:

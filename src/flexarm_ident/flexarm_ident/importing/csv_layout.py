@@ -16,9 +16,9 @@ from itertools import count, islice, takewhile
 from typing import TYPE_CHECKING
 
 from flexarm_core.bounds import require_plain_file
-from flexarm_core.errors import FlexarmError, reason
+from flexarm_core.errors import reason
 from flexarm_core.labels import time_unit_s, unit_ending
-from flexarm_ident.importing.csv_cells import MISSING, NAME, bare, is_value
+from flexarm_ident.importing.csv_cells import MISSING, NAME, CsvImportError, bare, is_value
 from flexarm_ident.importing.csv_forms import BEGINNINGS, other_form
 
 if TYPE_CHECKING:
@@ -62,10 +62,6 @@ _MARKS = (
 )
 _FIRST_PRINTED, _SPACES = 0x20, b"\t\n\f\r\x1b"
 _NOT_CP1252 = (b"\x81", b"\x8d", b"\x8f", b"\x90", b"\x9d")
-
-
-class CsvImportError(FlexarmError):
-    """Contradiction between a CSV file and its map."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +191,7 @@ def lines_of(file: TextIO, path: Path) -> Iterator[str]:
     """Return the lines of a text, none of which fills the memory.
 
     Zero bytes end a line, as a computer that lost its power leaves them where it wrote. Brackets
-    around a line, as Python prints lists, are no part of it.
+    around a line, as Python prints lists, are left out.
     """
     while text := file.readline(_LINE_CHARACTERS):
         if len(text) == _LINE_CHARACTERS:
@@ -400,7 +396,7 @@ def _has_own_units(cells: Sequence[str], usual: Sequence[str]) -> bool:
 
 
 def _is_of_head(table: Mapping[int, Sequence[str]], first: int, usual: Sequence[str]) -> bool:
-    """Return whether lines have words where rows are empty, down to one that is no row."""
+    """Return whether lines have words where rows are empty, down to a line of another kind."""
     block = (table[k][0] for k in takewhile(table.__contains__, count(first)))
     return not usual[0].strip() and all(map(NAME.fullmatch, block))
 

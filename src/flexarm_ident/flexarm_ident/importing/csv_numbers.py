@@ -11,8 +11,7 @@ import numpy as np
 
 from flexarm_core.bounds import shown
 from flexarm_core.labels import counted
-from flexarm_ident.importing.csv_cells import MISSING, bare, is_word, number
-from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_cells import MISSING, CsvImportError, bare, is_word, number
 from flexarm_ident.records.signals import look
 
 if TYPE_CHECKING:
@@ -140,7 +139,9 @@ def without_stand_ins(
     for column, cells in zip(columns, values.T, strict=True):
         if column.is_time:
             continue
-        for off in _stand_ins(cells):
+        with np.errstate(over="ignore"):
+            stand_ins = list(_stand_ins(cells))
+        for off in stand_ins:
             told = (
                 f"column {column.name} is {cells[off][0]:g} in {counted(int(off.sum()), 'row')}, "
                 "far off all others"

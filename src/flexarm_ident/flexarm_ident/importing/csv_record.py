@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_bags.reader import Channels, Recorded
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_columns import named_columns, other_clocks, unused_time, with_units
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, CsvMap, is_rate, unit_notes
 from flexarm_ident.importing.csv_resampling import on_one_grid, resampled
 from flexarm_ident.importing.csv_table import read_table, table_layout

@@ -16,7 +16,7 @@ import numpy as np
 
 from flexarm_core.clock import NS
 from flexarm_core.errors import DataError
-from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_times import Sampling, refuse_backwards
 from flexarm_ident.reading.offsets import on_their_rows
 from flexarm_ident.reading.tracks import evened, track

@@ -17,6 +17,7 @@ from flexarm_core.labels import TIME_UNITS_S, counted
 from flexarm_ident.importing.csv_cells import (
     NAME,
     THOUSANDS,
+    CsvImportError,
     bare,
     decimal_mark,
     is_value,
@@ -24,7 +25,6 @@ from flexarm_ident.importing.csv_cells import (
 )
 from flexarm_ident.importing.csv_clock import in_seconds, is_clock, nanoseconds_of
 from flexarm_ident.importing.csv_layout import (
-    CsvImportError,
     Layout,
     is_comment,
     is_cut,
@@ -119,12 +119,12 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
     if len(values) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
         raise CsvImportError(f"{path}: data rows: {len(values)}; at least 2 are needed")
     found.notes += word_notes(found, len(values))
-    values, notes = without_stand_ins(values, columns, path)
-    found.notes += notes
     for column, cells in zip(columns, values.T, strict=True):
         if np.isnan(cells).all():
             advice = "give the rate as --time 200Hz" if column.is_time else "leave it out"
             raise CsvImportError(f"{path}: column {column.name} has no number: {advice}")
+    values, notes = without_stand_ins(values, columns, path)
+    found.notes += notes
     known = ~np.isnan(values)
     own_instants = mapping.time is not None and _have_own_rows(known[:, 1:], len(mapping.inputs))
     if found.lacking and not (own_instants and mapping.time not in found.lacking):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.clock import nominal_rate_hz
-from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_cells import CsvImportError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +38,7 @@ _FASTEST_HZ, _FAST_HZ, _SLOW_HZ, _SLOW_MOTOR_HZ = 1e5, 10.0, 1.0, 0.5
 _ROUND = 2e-4
 # Longer steps that people choose are whole minutes.
 _LONG_STEP_S = 100.0
-# Share of rows with the time of the row before that are no accident, and how often a clock is set.
+# Share of rows with the time of the row before that happens, and how often a clock is set.
 _FEW_EQUAL, _FEW_JUMPS = 0.1, 5
 _SMALLER_S = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _FAST_PLANT = re.compile(
@@ -271,17 +271,16 @@ def refuse_backwards(table: CsvTable, column: str, steps_s: FloatArray) -> None:
         told = "begins anew: make a file of each run, and give them together"
     elif first == 0 and np.all(steps_s[1:] > 0.0):
         told, line = "has another time in its first row than in those below: take it out", line - 1
-    elif np.count_nonzero(steps_s == 0.0) > _FEW_EQUAL * len(steps_s):
-        even_hz = (len(steps_s) + 1) / float(np.ptp(times_s)) if np.ptp(times_s) else 0.0
-        rate = f" ({even_hz:.3g} Hz on average)" if even_hz else ""
-        told = (
-            "does not increase, as rows that come in packets or have too few digits have the same "
-            f"time: give the rate{rate} as --time 200Hz; rows that are there twice: keep one of "
-            "each"
-        )
     elif np.all(steps_s < 0.0):
-        told = "runs backwards: sort the rows by it"
-    elif np.count_nonzero(steps_s <= 0.0) <= _FEW_JUMPS:
+        told = "does not increase: sort the rows by it, as they run backwards"
+    elif np.mean(steps_s == 0.0) > _FEW_EQUAL and np.any(steps_s > 0.0):
+        even_hz = (len(steps_s) + 1) / float(np.ptp(times_s))
+        told = (
+            f"has the same time in many rows: where they come in packets or times have too few "
+            f"digits, give their rate ({even_hz:.3g} Hz on average) as --time 200Hz; where rows "
+            "are doubled, keep one of each"
+        )
+    elif np.all(steps_s != 0.0) and np.count_nonzero(steps_s < 0.0) <= _FEW_JUMPS:
         told = f"goes back by {-steps_s[first]:.4g} s, as a clock that was set: {parts}"
     else:
         told = (

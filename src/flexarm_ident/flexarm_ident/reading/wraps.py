@@ -166,18 +166,25 @@ def _period(steps: FloatArray, at: NDArray[np.intp], extent: float) -> float:
     counts = np.isfinite(around).sum(axis=0)
     motion = np.where(counts > 0, np.nansum(around, axis=0) / counts.clip(min=1), 0.0)
     jump = float(np.median(np.abs(steps[at] - motion)))
-    nearest = min(PERIODS, key=lambda each: abs(math.log(each / jump)))
     # The motion at a jump is known as well as the steps on both sides agree.
     both = around[:, np.isfinite(around).all(axis=0)]
     unsure = 0.5 * float(np.median(np.ptp(both, axis=0))) if both.size else 0.0
-    left = np.abs(np.abs(steps[at]) - nearest)
-    fits = (
-        abs(jump - nearest) <= max(_TOLERANCE * nearest, unsure)
-        and extent <= nearest * (1.0 + _BEYOND)
+    near = [
+        each
+        for each in PERIODS
+        if abs(jump - each) <= max(_TOLERANCE * each, unsure)
+        and extent <= each * (1.0 + _BEYOND)
         # Without the turn, the jump is a step like others.
-        and np.median(left) <= _LONGER * np.nanmax(np.abs(moving), initial=0.0)
-    )
-    return nearest if fits else 0.0
+        and np.median(np.abs(np.abs(steps[at]) - each))
+        <= _LONGER * np.nanmax(np.abs(moving), initial=0.0)
+    ]
+
+    def roughness(period: float) -> float:
+        turned = steps.copy()
+        turned[at] -= period * np.sign(steps[at])
+        return float(np.var(np.diff(turned)))
+
+    return min(near, key=roughness, default=0.0)
 
 
 def _is_even_sawtooth(jumps: FloatArray, at: NDArray[np.intp]) -> bool:

@@ -10,8 +10,9 @@ from flexarm_bags.metadata import FILE_NAME
 from flexarm_core.errors import BagError, FlexarmError
 from flexarm_core.labels import UNIT_ENDINGS, label_and_unit, unit_ending
 from flexarm_core.nearest import nearest
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_columns import file_unit, guessed_columns
-from flexarm_ident.importing.csv_layout import CsvImportError, is_table
+from flexarm_ident.importing.csv_layout import is_table
 from flexarm_ident.importing.csv_table import table_layout
 from flexarm_ident.job import MODEL_FILE, REPORT_FILE
 from flexarm_ident.reading.read import fields_of, sample_count

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_columns import TableColumns, named_columns, unused_time
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from flexarm_ident.importing.csv_record import csv_record
 from flexarm_ident.importing.csv_table import column_names

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_ident.importing import csv_table
-from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from flexarm_ident.importing.csv_table import read_table
 

@@ -9,9 +9,9 @@ import pytest
 
 from flexarm_bags.reader import opened
 from flexarm_ident import read_bag
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_columns import TableColumns, named_columns
 from flexarm_ident.importing.csv_import import import_csv
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_record import read_csv
 from support.bag_samples import typestore
 

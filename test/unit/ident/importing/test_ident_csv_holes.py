@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_import import import_csv
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from flexarm_ident.importing.csv_record import read_csv
 from flexarm_ident.reading.read import read_bag, stream_bag

@@ -11,8 +11,8 @@ from rosbags.highlevel import AnyReader
 
 from flexarm_bags.writer import RecordingError
 from flexarm_ident import identify
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_import import import_csv
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
@@ -210,7 +210,10 @@ def test_import___missing_file___says_so(tmp_path: Path) -> None:
     ("content", "said"),
     [
         (bytes(range(256)), "is a binary file and no text: export it as CSV"),
-        ("t,i,\u03b2\u00b0\n".encode("cp1253"), "no column q; there are: t, i, "),
+        (
+            "t,i,\u03b2\u00b0\n".encode("cp1253"),
+            "no column q; .* not in UTF-8: .*: t, i, ",
+        ),
         (b"PK\x03\x04" + bytes(99), "is an Excel or OpenDocument workbook or zip file: save its"),
         (b"PAR1" + bytes(99), "is a Parquet file: write it as CSV"),
         (b"\x89HDF\r\n\x1a\n" + bytes(99), "is an HDF5 or MATLAB 7.3 file: write its arrays by"),

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_columns import TableColumns
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_record import read_csv
 
 if TYPE_CHECKING:
@@ -143,8 +143,8 @@ def test_runs_of_one_second___are_no_clock(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("time", "told"),
     [
-        (lambda k: f"{(k // 10) * 0.05:.3f}", r"line 3: .* packets .* give the rate \(2\d\d Hz"),
-        (lambda k: f"{(ROWS - k) / 200:.3f}", "line 3: .* runs backwards: sort"),
+        (lambda k: f"{(k // 10) * 0.05:.3f}", r"line 3: .* packets .* their rate \(2\d\d Hz"),
+        (lambda k: f"{(ROWS - k) / 200:.3f}", "line 3: .* sort the rows .* backwards"),
         (
             lambda k: f"{(k + 1000) / 200 - 0.4321 * (k > 99):.4f}",
             "line 102: .* goes back by 0.427",

@@ -9,8 +9,8 @@ import pytest
 from flexarm_bags.writer import RecordingError
 from flexarm_core.bounds import BoundError
 from flexarm_ident.importing import csv_record
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_import import import_csv
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from support.bag_samples import typestore
 

@@ -10,8 +10,8 @@ from scipy.linalg import expm
 
 from flexarm_bags.schema import own_types
 from flexarm_ident import identify, read_bag
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_import import import_csv
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap, load_csv_map
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_import import import_csv
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap, unit_notes
 from support.bag_samples import typestore
 
@@ -78,7 +78,7 @@ def test_import___low_rate_in_a_stated_unit_or_one_of_1_hz___is_not_doubted(
 
 
 def test_import___rate_that_stamps_cannot_show___says_how_to_tell_the_unit(tmp_path: Path) -> None:
-    said = r"0\.0002 Hz is outside .*in seconds, or in a unit at the end .* as in time_us$"
+    said = r"0\.0002 Hz is outside .* or in a unit at the end .* as in time_us; .*--time COLUMN:us"
     with pytest.raises(CsvImportError, match=said):
         imported(tmp_path, "time", 1e6)
 

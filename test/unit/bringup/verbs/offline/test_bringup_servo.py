@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from flexarm_bringup.verbs.simulated.design import design
 from flexarm_control import load_controller
 from flexarm_core.errors import FlexarmError
+from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_columns import guessed_columns
-from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.models.files import save_model
 from support.servo_plants import bending_arm
 
