@@ -273,7 +273,7 @@ def refuse_backwards(table: CsvTable, column: str, steps_s: FloatArray) -> None:
         told, line = "has another time in its first row than in those below: take it out", line - 1
     elif np.all(steps_s < 0.0):
         told = "does not increase: sort the rows by it, as they run backwards"
-    elif np.mean(steps_s == 0.0) > _FEW_EQUAL and np.any(steps_s > 0.0):
+    elif _FEW_JUMPS + _FEW_EQUAL * len(steps_s) < np.count_nonzero(steps_s == 0.0) < len(steps_s):
         even_hz = (len(steps_s) + 1) / float(np.ptp(times_s))
         told = (
             f"has the same time in many rows: where they come in packets or times have too few "
