@@ -35,7 +35,6 @@ def test_bag___samples_and_rate___are_as_stated(entry: dict[str, Any]) -> None:
     reading = read_bag_report(BAGS / entry["bag"])
     assert (reading.samples, reading.lost) == (entry["samples"], 0)
     assert reading.data.dt_s == pytest.approx(1.0 / entry["rate_hz"], rel=1e-9)
-    assert reading.data.closed_loop
 
 
 @pytest.mark.parametrize(

@@ -44,20 +44,22 @@ def feedback(data: Looked) -> Iterator[DataWarning]:
     }
     biased = "plain ORSE is biased, and a small bias remains with the other methods"
     usual = f"chi-square {test.statistic:.0f} where {test.degrees} is usual"
+    # The choice of a method takes account of later inputs.
+    grade: Grade | None = Grade.INFORMATION
     if not test.detected:
         text = "closed-loop data: the record states it, and its noise is too small to show it; "
     elif declared or reaches_inputs(gram):
         though = "" if declared else ", though no loop is declared"
         text = f"closed-loop data: the inputs correlate with the outputs' noise, {usual}{though}; "
     else:
-        # What the choice of a method asks as well: later inputs.
+        grade = None
         biased = "fit D in the former case (feedthrough); a small bias remains in the latter"
         text = (
             "an output responds within a sample, or a controller answers within one: the "
             f"inputs of the same sample correlate with the outputs' noise, {usual}, later ones do "
             "not; "
         )
-    yield _KIND(text + biased, figures, grade=Grade.INFORMATION if declared else None)
+    yield _KIND(text + biased, figures, grade=grade)
 
 
 def _with_outputs(record: IoData, names: Sequence[str]) -> IoData:
