@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     Figures = Mapping[str, object]
 
 PARAMETERS = read_table("flexarm_node", "loop_node")
+"""Parameters of every node with a loop, beside its own."""
 ENDED = "the loop has ended"
 """Begin of the trouble of a node whose loop has failed."""
-"""Parameters of every node with a loop, beside its own."""
 _REPORT_S = 1.0
 _STEP_S = 0.05
 

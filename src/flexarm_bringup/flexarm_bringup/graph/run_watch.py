@@ -60,9 +60,7 @@ class RunWatch:
 
     def __enter__(self) -> RunWatch:  # noqa: PYI034 - Self needs Python 3.11
         self.trouble = ""
-        if self._figures is None:
-            topic = "/diagnostics"
-            self._node.create_subscription(DiagnosticArray, topic, self._on_report, qos.EVERY)
+        self.listen()
         self._figures = {}
         topics = [(kind, name, qos.NEWEST) for name, kind in _SAMPLES]
         self._states = RawTopicsWaiter(self._node, topics)
@@ -73,6 +71,13 @@ class RunWatch:
             self._states.close()
             self._states = None
         self._newest = 0
+
+    def listen(self) -> None:
+        """Hear the reports of the DAQ node from now on; a run does so by itself."""
+        if self._figures is None:
+            self._figures = {}
+            topic = "/diagnostics"
+            self._node.create_subscription(DiagnosticArray, topic, self._on_report, qos.EVERY)
 
     @property
     def has_ended(self) -> bool:

@@ -311,7 +311,8 @@ def _stay(
     settings: _Settings,
 ) -> None:
     """Show complaints of the nodes until Ctrl-C; only the end of the DAQ's loop is that of all."""
-    since = SetSince(operator, "controller")
+    since, run = SetSince(operator, "controller"), RunWatch(operator.node)
+    run.listen()
 
     def controller() -> str:
         # Else its first commands might come before the recorder is discovered.
@@ -341,8 +342,7 @@ def _stay(
         return False
 
     try:
-        with RunWatch(operator.node) as run:
-            operator.wait(look, "", timeout_s=inf)
+        operator.wait(look, "", timeout_s=inf)
     except KeyboardInterrupt:
         terminal.CONSOLE.print("stopping")
         lost.check()
