@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 _SHOWN = 5
 # Counts of so many bits are written without their sign.
 _SIGNED_BITS = (16, 32)
+_FEWEST_NINES, _SMALLEST_POWER = 999.0, 1e10
 # A signal of fewer levels is one of states, which may lie anywhere.
 _FEW_LEVELS = 4
 
@@ -162,8 +163,10 @@ def without_stand_ins(
 
 
 def _stand_ins(cells: FloatArray) -> Iterator[BoolArray]:
-    """Yield where an extreme comes again that is farther off the others than these are apart."""
+    """Yield where a number that programs write for none stands far off the others, and again."""
     for extreme in (np.nanmax(cells), np.nanmin(cells)):
+        if not _may_stand_for_none(abs(extreme)):
+            continue
         off = cells == extreme
         others = cells[~off & np.isfinite(cells)]
         if (
@@ -172,6 +175,13 @@ def _stand_ins(cells: FloatArray) -> Iterator[BoolArray]:
             and len(np.unique(look(others))) > _FEW_LEVELS
         ):
             yield off
+
+
+def _may_stand_for_none(size: float) -> bool:
+    """Return whether a number has nines alone, or is a large power of ten."""
+    if size >= _SMALLEST_POWER and size == float(f"1e{round(np.log10(size))}"):
+        return True
+    return size >= _FEWEST_NINES and set(f"{size:.0f}") == {"9"}
 
 
 def _unsigned(cells: FloatArray) -> float:
