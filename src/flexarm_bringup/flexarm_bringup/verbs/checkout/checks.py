@@ -48,7 +48,7 @@ _EXHAUSTIVE = ("tests", (*_ALL, "--hypothesis-profile", "exhaustive"))
 
 
 @click.command(context_settings=RUN_ON)
-@click.option("--quick", is_flag=True, help="Lint, types and quick unit tests: three minutes.")
+@click.option("--quick", is_flag=True, help="Lint, types and quick unit tests: four minutes.")
 @click.option("--exhaustive", is_flag=True, help="Sweeps and whole chains, too.")
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 @examples("test", "test --quick", "test --exhaustive", "test test/unit -k margins")
