@@ -69,11 +69,14 @@ class Section:
         """Name of the section in the one around it."""
         return self._place.rpartition(".")[2]
 
+    def line(self, at: yaml.Node | str | None = None) -> int:
+        """Return the line of an entry, or that of the section itself, from 1."""
+        entry = self._nodes.get(at, (None,))[0] if isinstance(at, str) else at
+        return int((entry or self._node).start_mark.line) + 1
+
     def refuse(self, said: str, at: yaml.Node | str | None = None) -> NoReturn:
         """Raise a `RigFileError` at an entry, or at the section itself."""
-        entry = self._nodes.get(at, (None,))[0] if isinstance(at, str) else at
-        line = (entry or self._node).start_mark.line + 1
-        raise RigFileError(f"{self._file}:{line}: {said}")
+        raise RigFileError(f"{self._file}:{self.line(at)}: {said}")
 
     def number(
         self,

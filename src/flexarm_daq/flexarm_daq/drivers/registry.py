@@ -7,18 +7,15 @@ description.
 from __future__ import annotations
 
 import inspect
-from collections import defaultdict
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import yaml
-
-from flexarm_core.bounds import yaml_node
 from flexarm_core.channels import COMMAND, is_thesis_arm
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.own_modules import failed_line, own_module, told
+from flexarm_core.yaml_sections import sections_of
 from flexarm_daq.drivers.mujoco.arm import MujocoSettings
 from flexarm_daq.drivers.mujoco.rig import MujocoRig
 from flexarm_daq.drivers.serial.rig import SerialRig, SerialSettings
@@ -114,21 +111,16 @@ def driven(rig: RigDescription, folder: Path) -> Rig:
     try:
         return _driven(rig, folder)
     except SettingError as error:
-        raise SettingError(f"{rig.file}:{_line_of(str(error), rig.text)}: {error}") from error
+        raise SettingError(f"{rig.file}:{_line_of(str(error), rig)}: {error}") from error
 
 
-def _line_of(said: str, text: str) -> int:
+def _line_of(said: str, rig: RigDescription) -> int:
     """Return the line of the setting that an error begins with, else that of the driver."""
-    entries = _entries(yaml_node(text))
-    keys = {f"settings.{name}": key for name, (key, _) in _entries(entries["settings"][1]).items()}
-    key = keys.get(said.partition(" ")[0], entries["driver"][0])
-    return int(key.start_mark.line) + 1 if key else 1
-
-
-def _entries(node: yaml.Node | None) -> defaultdict[str, tuple[yaml.Node | None, Any]]:
-    """Return the keys and values of a mapping by name; none of anything else."""
-    pairs = node.value if isinstance(node, yaml.MappingNode) else ()
-    return defaultdict(lambda: (None, None), {key.value: (key, value) for key, value in pairs})
+    top, (first, _, _) = sections_of(rig.text, rig.file), said.partition(" ")
+    name = first.removeprefix("settings.")
+    if name != first and name in rig.settings:
+        return top.section("settings").line(name)
+    return top.line("driver")
 
 
 def _driven(rig: RigDescription, folder: Path) -> Rig:
