@@ -308,7 +308,10 @@ def _judged(data: Looked) -> Looked:
     return replace(data, records=tuple(judged))
 
 
-CHECKS = (
-    Check(lambda data: each_record(changes)(_judged(data)), (PLANT_CHANGED,)),
-    Check(lambda data: differences(_judged(data).records), (PLANT_CHANGED,)),
-)
+def _within_and_between(data: Looked) -> Iterator[DataWarning]:
+    judged = _judged(data)
+    yield from each_record(changes)(judged)
+    yield from differences(judged.records)
+
+
+CHECKS = (Check(_within_and_between, (PLANT_CHANGED,)),)
