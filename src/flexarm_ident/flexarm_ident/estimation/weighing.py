@@ -215,21 +215,24 @@ class Weighed:
             return self._first
         first, best = self._first, self._best
         if self.first_stays:
+            selection, order = first.selection, first.order
             reason = (
-                f"{first.selection.reason}: {self._figures(self._found_first)}; best of "
+                f"{selection.reason}: {self._figures(self._found_first)}; best of "
                 f"{len(self._candidates)} models: {self._figures(best)} ({best.name})"
             )
-            return self._with_table(Choice(first.selection._replace(reason=reason), first.order))
-        chosen = most_parsimonious([(each, self.score(each)) for each in self._candidates.values()])
-        reason = (
-            f"{chosen.name} was chosen of {len(self._candidates)} models: {self._figures(chosen)}; "
-            f"{first.selection.method} of order {first.order}, which the one-step errors call for, "
-            f"has {self._figures(self._found_first)}"
-        )
-        return self._with_table(Choice(chosen.selection._replace(reason=reason), chosen.order))
+        else:
+            scored = [(each, self.score(each)) for each in self._candidates.values()]
+            chosen = most_parsimonious(scored)
+            selection, order = chosen.selection, chosen.order
+            reason = (
+                f"{chosen.name} was chosen of {len(scored)} models: {self._figures(chosen)}; "
+                f"{first.selection.method} of order {first.order}, which the one-step errors call "
+                f"for, has {self._figures(self._found_first)}"
+            )
+        table = self._table((selection.method, order))
+        return Choice(selection._replace(reason=reason), order, table)
 
-    def _with_table(self, chosen: Choice) -> Choice:
-        taken = (chosen.selection.method, chosen.order)
+    def _table(self, taken: tuple[str, int]) -> tuple[WeighedModel, ...]:
         rows = [
             WeighedModel(
                 *(*key, made.error, self._left_out.get(key, np.nan), self.score(made)),
@@ -237,7 +240,7 @@ class Weighed:
             )
             for key, made in self._candidates.items()
         ]
-        return chosen._replace(weighed=tuple(sorted(rows, key=lambda row: (row.score, row.error))))
+        return tuple(sorted(rows, key=lambda row: (row.score, row.error)))
 
     def score(self, made: Candidate) -> float:
         """Return the weighted geometric mean of the expected error and that on left-out blocks.
