@@ -34,6 +34,14 @@ _MOST_RATE_GAIN: Final = 0.5
 # Noise alone exceeds this once in two million times.
 _CERTAIN: Final = 5.0
 _LIGHT_DAMPING: Final = 0.2
+# Play answers small pulses with more of a way for each unit than large ones. Friction and a linear
+# arm never do, but for noise and vibrations of the pairs before.
+_LEAST_OF_PLAY: Final = 1.5
+_CLEAR: Final = 20.0
+_WITHOUT_PAST: Final = 2
+# Of the way of an angle, what its rate does not make; and of the noise of both.
+_MOST_APART: Final = 0.2
+_ABOVE_NOISE: Final = 3.0
 # Standard deviations that friction has to exceed to be there.
 _SHOWN: Final = 2.0
 
@@ -144,8 +152,8 @@ def judge_pulses(record: IoData, rig: RigDescription, joint: Joint) -> PulseAnsw
     Raises
     ------
     ArmFaultError
-        For a dead output, reversed wiring, wiring to another joint, a stuck joint, or a sensor of
-        the joint that is dead or reversed.
+        For a dead output, reversed wiring, wiring to another joint, a stuck joint, a loose gear, or
+        a sensor of the joint that is dead or reversed.
     """
     u = record.u[:, record.inputs.index(joint.input)] - rig.input(joint.input).rest
     driven = np.flatnonzero(u)
@@ -156,13 +164,14 @@ def judge_pulses(record: IoData, rig: RigDescription, joint: Joint) -> PulseAnsw
     first = int(driven[0])
     y, noise = record.y - record.y[:first].mean(axis=0), _noise(record.y[:first])
     # The pulse up of the last pair, which is the highest, and the one down behind it.
-    last_rise = int(np.flatnonzero((u[1:] > 0.0) & (u[:-1] <= 0.0))[-1]) + 1
-    fall = last_rise + int(np.argmax(u[last_rise:] < 0.0))
+    rises = np.flatnonzero((u[1:] > 0.0) & (u[:-1] <= 0.0)) + 1
+    last_rise = int(rises[-1])
+    length = int(np.argmax(u[last_rise:] < 0.0))
+    fall = last_rise + length
     angle = record.outputs.index(joint.angle)
-    before = y[max(0, 2 * last_rise - fall) : last_rise].mean(axis=0)
-    pair = slice(last_rise, min(2 * fall - last_rise, len(u)))
-    course = np.cumsum(u[pair])
-    certainty = (course @ (y[pair] - before)) / (noise * math.sqrt(float(course @ course)))
+    before = y[max(0, last_rise - length) : last_rise].mean(axis=0)
+    pair = slice(last_rise, min(fall + length, len(u)))
+    certainty = _turning(y[:, angle] / noise[angle], u, rises.tolist(), length)
     answers = _answers(y[pair] - before, noise, first)
     answering = tuple(
         name
@@ -170,16 +179,21 @@ def judge_pulses(record: IoData, rig: RigDescription, joint: Joint) -> PulseAnsw
         if answered and not rig.output(name).absent
     )
     way = float((y[fall] - before)[angle])
-    if abs(certainty[angle]) < _CERTAIN or not answers[angle]:
+    if answers[angle]:
+        ways = [float(np.ptp(y[rise : rise + 2 * length, angle])) for rise in rises]
+        _judge_gear(np.array(ways), u[rises], noise[angle], joint)
+        if joint.rate in answering:
+            _judge_play(y[last_rise : fall + 2 * length], record, noise, joint)
+    if abs(certainty) < _CERTAIN or not answers[angle]:
         raise ArmFaultError(_silence(rig, joint, answering, float(u.max())))
-    if certainty[angle] * joint.sign < 0.0:
+    if certainty * joint.sign < 0.0:
         raise ArmFaultError(
             f"reversed wiring: a positive {joint.input} turns {joint.angle} the other way than "
             f"joint {joint.name} says: swap the wires, or set sign: {-joint.sign}"
         )
     if joint.rate is not None:
         _judge_rate(y, record, joint, answering)
-    length_s = (fall - last_rise) * record.dt_s
+    length_s = length * record.dt_s
     height = float(u[last_rise])
     gain = 2.0 * abs(way) / (length_s**2 * height)
     others = tuple(name for name in answering if name != joint.angle)
@@ -356,6 +370,69 @@ def _silence(rig: RigDescription, joint: Joint, answering: Sequence[str], most: 
     )
 
 
+def _judge_gear(ways: FloatArray, heights: FloatArray, noise: float, joint: Joint) -> None:
+    """Refuse an angle that moves by the play of a gear, whatever the height of the pulses.
+
+    Parameters
+    ----------
+    ways : ndarray, (pairs,)
+        From end to end, in each pair.
+    heights : ndarray, (pairs,)
+        Its pulses.
+    """
+    known = (ways > _CLEAR * noise) & (ways > ways[-1] / 8.0)
+    known[:_WITHOUT_PAST] = False
+    if not known.any():
+        return
+    share = ways[known] / heights[known]
+    most = int(np.argmax(share))
+    if share[most] > _LEAST_OF_PLAY * ways[-1] / heights[-1]:
+        raise ArmFaultError(
+            f"loose gear: {joint.angle} moves by {ways[known][most]:.2g} at pulses of "
+            f"{heights[known][most]:.2g} on {joint.input}, and by no more than {ways[-1]:.2g} at "
+            f"{heights[-1]:.2g}: take the play out of gear and couplings, or look for a stop "
+            "within its travel"
+        )
+
+
+def _judge_play(y: FloatArray, record: IoData, noise: FloatArray, joint: Joint) -> None:
+    """Refuse a rate and an angle of either side of a gear with play, by their way in a pair."""
+    assert joint.rate is not None  # noqa: S101 - the caller asks
+    angle, rate = record.outputs.index(joint.angle), record.outputs.index(joint.rate)
+    # Beside a straight line: the way of the rate, and what a lag of either one makes.
+    way = _without_trend(np.column_stack([np.cumsum(y[:, rate]), y[:, rate]]))
+    turned = _without_trend(y[:, angle])
+    scale, *_ = np.linalg.lstsq(way, turned, rcond=None)
+    apart = float((turned - way @ scale).std())
+    # A sum of noise keeps a fifteenth of its power without its straight line.
+    summed = abs(float(scale[0])) * noise[rate] * math.sqrt(len(y) / 15.0)
+    unsure = math.hypot(noise[angle], summed)
+    if apart > max(_MOST_APART * float(turned.std()), _ABOVE_NOISE * unsure):
+        raise ArmFaultError(
+            f"loose gear: {joint.angle} and {joint.rate} do not move together at pulses on "
+            f"{joint.input}: take the play out of gear and couplings"
+        )
+
+
+def _turning(angle: FloatArray, u: FloatArray, rises: Sequence[int], length: int) -> float:
+    """Return the speed that the pulses up give an angle, in its standard deviations.
+
+    The pulses down are left out: a heavy tip throws the hub back in them. So is the place from
+    which a pulse begins, as the arm may swing.
+    """
+    ramp = np.arange(length) - 0.5 * (length - 1)
+    speeds = [float(ramp @ angle[rise : rise + length]) for rise in rises]
+    heights = u[rises]
+    return float(heights @ speeds) / math.sqrt(float(heights @ heights) * float(ramp @ ramp))
+
+
+def _without_trend(course: FloatArray) -> FloatArray:
+    """Return one course or some, (samples,) or (samples, n), less their straight lines."""
+    causes = np.column_stack([np.ones(len(course)), np.linspace(-1.0, 1.0, len(course))])
+    line, *_ = np.linalg.lstsq(causes, course, rcond=None)
+    return np.asarray(course - causes @ line)
+
+
 def _judge_rate(y: FloatArray, record: IoData, joint: Joint, answering: Sequence[str]) -> None:
     """Refuse a rate that is dead or has the other sign than the angle's own."""
     assert joint.rate is not None  # noqa: S101 - the caller asks
@@ -364,14 +441,10 @@ def _judge_rate(y: FloatArray, record: IoData, joint: Joint, answering: Sequence
             f"dead sensor: {joint.rate} does not answer while {joint.angle} moves: check sensor, "
             "wire and supply"
         )
-    rate = y[:, record.outputs.index(joint.rate)]
     # The integral of the rate runs beside the angle, whatever noise both have.
-    way = np.cumsum(rate - rate.mean())
+    rate = y[:, record.outputs.index(joint.rate)]
     angle = y[:, record.outputs.index(joint.angle)]
-    ramp = np.linspace(-1.0, 1.0, len(angle))
-    centred = angle - angle.mean()
-    centred = centred - ramp * (ramp @ centred) / (ramp @ ramp)
-    if float(way @ centred) < 0.0:
+    if float(np.cumsum(rate - rate.mean()) @ _without_trend(angle)) < 0.0:
         raise ArmFaultError(
             f"reversed wiring: {joint.rate} has the other sign than the motion of {joint.angle}: "
             "swap its wires, or make its scale negative"

@@ -32,8 +32,9 @@ PULSE_S: Final = 0.1
 """Length of a pulse; another one of the other sign follows it and stops the arm."""
 PAUSE_S: Final = 0.3
 """Pause behind a pair of pulses."""
-MOVED_V: Final = TRAVEL_V / 50.0
-"""Way of a joint at which it has moved for certain: 1.6 degrees of the thesis's arm."""
+MOVED_V: Final = TRAVEL_V / 20.0
+"""Way of a joint at which it has moved for certain, and by more than the play of a good gear: 4
+degrees of the thesis's arm."""
 _FIRST_PULSE: Final = 1.0 / 32.0
 _GROWTH: Final = math.sqrt(2.0)
 _ROUNDING_S = 1e-9
