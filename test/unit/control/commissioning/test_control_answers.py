@@ -69,20 +69,54 @@ def moved(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return found[:, 0], found[:, 1]
 
 
+class Geared:
+    """A motor with a tenth of the arm's inertia and a third of its friction, behind a gear."""
+
+    def __init__(self, play: float) -> None:
+        self.play = play
+        self.angles, self.rates = np.zeros(2), np.zeros(2)
+
+    def turn(self, command: float) -> None:
+        """Move motor and arm on by a sample, of fine steps."""
+        fine = 40
+        step_s = 1.0 / RATE_HZ / fine
+        for _ in range(fine):
+            twist = self.angles[0] - self.angles[1]
+            tooth = math.copysign(max(abs(twist) - 0.5 * self.play, 0.0), twist)
+            slip = self.rates[0] - self.rates[1]
+            torque = 400.0 * tooth + (0.5 * slip if tooth else 0.0)
+            free = self.rates + step_s * GAIN * np.array([10.0 * (command - torque), torque])
+            held = step_s * GAIN * COULOMB * np.array([3.0, 0.7])
+            self.rates = np.copysign(np.maximum(np.abs(free) - held, 0.0), free)
+            self.angles = self.angles + step_s * self.rates
+
+
 def pulsed(
-    change: Callable[[np.ndarray], np.ndarray] = lambda y: y, *, stuck: bool = False
+    change: Callable[[np.ndarray], np.ndarray] = lambda y: y,
+    *,
+    stuck: bool = False,
+    gear: Geared | None = None,
+    angle_of: int = 0,
 ) -> IoData:
-    """Return a record of pulses on the hub, whose outputs are changed as a fault does."""
+    """Return a record of pulses on the hub, whose outputs are changed as a fault does.
+
+    With a gear the rate is that of its motor, and the angle that of the motor, 0, or the arm, 1.
+    """
     pulses = Pulses(5.0)
-    u = np.zeros(3000)
+    u, geared = np.zeros(3000), np.zeros((3000, 2))
     angle = rate = 0.0
     # The pulses end when they have moved the hub, of which they read 6.857 V for 1.5 rad.
     for k in range(len(u)):
         u[k] = 0.1 * pulses.step(k / RATE_HZ, angle * 6.857142857 / 1.5)
+        if gear:
+            geared[k] = gear.angles[angle_of], gear.rates[0]
+            gear.turn(u[k])
+            angle = gear.angles[angle_of]
+            continue
         free = rate + GAIN * u[k] / RATE_HZ
         rate = math.copysign(max(abs(free) - GAIN * COULOMB / RATE_HZ, 0.0), free)
         angle += 0.0 if stuck else rate / RATE_HZ
-    angles, rates = moved(u)
+    angles, rates = geared.T if gear else moved(u)
     hub = np.zeros_like(angles) if stuck else angles
     speed = np.zeros_like(rates) if stuck else rates
     y = change(np.column_stack([hub, speed, 0.5 * u, np.zeros(len(u))]))
@@ -128,6 +162,21 @@ def test_wrong_arm___is_refused_with_the_right_word(
 ) -> None:
     with pytest.raises(ArmFaultError, match=words):
         judge_pulses(pulsed(change, stuck=stuck), rig(), rig().joints[0])
+
+
+@pytest.mark.parametrize(
+    ("angle_of", "words"),
+    [
+        (0, "loose gear: angle moves by 0.0.* and by no more than"),
+        (1, "loose gear: angle and rate do not move together"),
+    ],
+    ids=["motor", "arm"],
+)
+def test_play_between_motor_and_arm___is_a_loose_gear(angle_of: int, words: str) -> None:
+    right = judge_pulses(pulsed(gear=Geared(0.0), angle_of=angle_of), rig(), rig().joints[0])
+    assert right.way > 0.0
+    with pytest.raises(ArmFaultError, match=words):
+        judge_pulses(pulsed(gear=Geared(0.03), angle_of=angle_of), rig(), rig().joints[0])
 
 
 def test_description_with_the_other_sign___takes_the_reversed_arm() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
@@ -18,11 +19,12 @@ from flexarm_bringup.verbs.commissioning.results import write_results
 from flexarm_bringup.verbs.commissioning.state import State, StateError
 from flexarm_bringup.verbs.offline.servo import write_servo
 from flexarm_control import load_controller
-from flexarm_control.commissioning.answers import soft_loop
+from flexarm_control.commissioning.answers import ArmFaultError, soft_loop
 from flexarm_control.commissioning.programme import PARTS, Measurement, Programme
 from flexarm_control.twin import TwinRig, twin_description
 from flexarm_core.errors import SettingError
 from flexarm_core.rig_description import described, load_rig
+from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.experiments.catalogue import experiment, on_rig
 from flexarm_ident import identify
 from flexarm_ident.models.files import save_model
@@ -152,6 +154,21 @@ def test_closed_loop_experiment___of_an_arm_that_was_pulsed___keeps_its_travel_a
     error = np.abs(np.abs(found.model(at)[angles]) - expected).max()
     # Of two joints with the same square waves it is half of it.
     assert error < 0.02 * expected.max()
+
+
+@pytest.mark.parametrize("payload_kg", [0.0, 0.4])
+@pytest.mark.slow
+def test_pulses___of_an_arm_with_a_heavy_tip___are_right_and_show_a_loose_gear(
+    tmp_path: Path, payload_kg: float
+) -> None:
+    rig = load_rig("thesis")
+    for play_deg in (RigParameters().backlash_deg, 3.0):
+        driver = SimulatedRig(RigParameters(payload_kg=payload_kg, backlash_deg=play_deg), seed=1)
+        arm = DirectArm(rig, driver, tmp_path)
+        refused = pytest.raises(ArmFaultError, match="loose gear: position_v and speed_v")
+        with refused if play_deg == 3.0 else nullcontext():
+            answers_to_pulses(arm, rig)
+        arm.forget("pulses_hub")
 
 
 def test_folder_of_another_arm___is_refused(tmp_path: Path) -> None:
