@@ -123,9 +123,10 @@ static inline void servo_step(servo_controller *s, const double *y, const double
     for (i = 0; i < SERVO_STATES; i++) {
         double total = 0.0, ahead = 0.0;
         for (j = 0; j < SERVO_STATES; j++) {
-            total += servo_a[i * SERVO_STATES + j] * now[j];
+            total += servo_deviation[i * SERVO_STATES + j] * (now[j] - s->state[1][j]);
             ahead += servo_a[i * SERVO_STATES + j] * s->state[1][j];
         }
+        total += ahead;
         for (j = 0; j < SERVO_INPUTS; j++) {
             total += servo_b[i * SERVO_INPUTS + j] * net[j];
             ahead += servo_b[i * SERVO_INPUTS + j] * wanted[j];
@@ -167,6 +168,7 @@ def c_controller(gains: ServoGains) -> str:
         "c": gains.C,
         "feedback": gains.feedback,
         "correction": gains.correction,
+        "deviation": gains.deviation,
         "planning": gains.planning,
         "forward": gains.forward,
         "rest": gains.rest,

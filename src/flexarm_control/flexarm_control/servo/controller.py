@@ -40,6 +40,8 @@ class ServoGains:
         Gain on what the estimated state differs from the planned one.
     correction : ndarray, (states, outputs)
         Gain of the filter.
+    deviation : ndarray, (states, states)
+        Transition of what the estimated state differs from the planned one.
     planning : ndarray, (inputs, states)
         Gain on the planned state.
     forward : ndarray, (3, inputs, tracked)
@@ -72,6 +74,7 @@ class ServoGains:
     C: FloatArray
     feedback: FloatArray
     correction: FloatArray
+    deviation: FloatArray
     planning: FloatArray
     forward: FloatArray
     rest: FloatArray
@@ -91,6 +94,7 @@ class Law(NamedTuple):
     C: FloatArray
     feedback: FloatArray
     correction: FloatArray
+    deviation: FloatArray
     planning: FloatArray
     forward: FloatArray
     rest: FloatArray
@@ -323,6 +327,7 @@ def _unpacked(
                 outputs * n,
                 inputs * n,
                 n * outputs,
+                n * n,
                 inputs * n,
                 3 * inputs * tracked,
                 n * tracked,
@@ -346,24 +351,25 @@ def _unpacked(
         packed[ends[1] : ends[2]].reshape(outputs, n),
         packed[ends[2] : ends[3]].reshape(inputs, n),
         packed[ends[3] : ends[4]].reshape(n, outputs),
-        packed[ends[4] : ends[5]].reshape(inputs, n),
-        packed[ends[5] : ends[6]].reshape(3, inputs, tracked),
-        packed[ends[6] : ends[7]].reshape(n, tracked),
-        packed[ends[7] : ends[8]],
+        packed[ends[4] : ends[5]].reshape(n, n),
+        packed[ends[5] : ends[6]].reshape(inputs, n),
+        packed[ends[6] : ends[7]].reshape(3, inputs, tracked),
+        packed[ends[7] : ends[8]].reshape(n, tracked),
         packed[ends[8] : ends[9]],
         packed[ends[9] : ends[10]],
-        packed[ends[10] : ends[11]].reshape(inputs, n),
-        packed[ends[11] : ends[12]].reshape(inputs, tracked),
-        packed[ends[12] : ends[13]],
+        packed[ends[10] : ends[11]],
+        packed[ends[11] : ends[12]].reshape(inputs, n),
+        packed[ends[12] : ends[13]].reshape(inputs, tracked),
+        packed[ends[13] : ends[14]],
         places,
     )
     memory = Memory(
-        packed[ends[13] : ends[14]].reshape(2, n),
-        packed[ends[14] : ends[15]].reshape(PLAN_ROWS, tracked),
-        packed[ends[15] : ends[16]].reshape(long, tracked),
-        packed[ends[16] : ends[17]].reshape(short, tracked),
+        packed[ends[14] : ends[15]].reshape(2, n),
+        packed[ends[15] : ends[16]].reshape(PLAN_ROWS, tracked),
+        packed[ends[16] : ends[17]].reshape(long, tracked),
+        packed[ends[17] : ends[18]].reshape(short, tracked),
         progress,
-        packed[ends[17] : ends[18]],
+        packed[ends[18] : ends[19]],
     )
     return law, memory
 
@@ -444,8 +450,9 @@ def _predict(
     for i in range(states):
         total, ahead = 0.0, 0.0
         for j in range(states):
-            total += law.A[i, j] * now[j]
+            total += law.deviation[i, j] * (now[j] - planned[j])
             ahead += law.A[i, j] * planned[j]
+        total += ahead
         for j in range(inputs):
             total += law.B[i, j] * net[j]
             ahead += law.B[i, j] * wanted[j]

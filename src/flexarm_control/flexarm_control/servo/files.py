@@ -30,6 +30,7 @@ _ARRAYS = {
     "C": ("outputs", "states"),
     "feedback": ("inputs", "states"),
     "correction": ("states", "outputs"),
+    "deviation": ("states", "states"),
     "planning": ("inputs", "states"),
     "forward": ("terms", "inputs", "tracked"),
     "rest": ("states", "tracked"),

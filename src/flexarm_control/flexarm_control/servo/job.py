@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flexarm_control.servo.controller import Servo, ServoGains
-from flexarm_control.servo.regulator import loop_plant, ramp_state, tracked_outputs
+from flexarm_control.servo.regulator import LAWS, loop_plant, ramp_state, tracked_outputs
 from flexarm_control.servo.rigid_motion import rigid_motion
 from flexarm_control.servo.robustness import (
     FEWEST_PERIODS,
@@ -145,6 +145,8 @@ class ServoRequest(NamedTuple):
         Least disk margin of a bandwidth that is chosen.
     delay_s : float
         Delay of the loop, s.
+    law : str
+        A name of `LAWS`.
     """
 
     track: tuple[str, ...]
@@ -152,6 +154,7 @@ class ServoRequest(NamedTuple):
     bandwidth_hz: float | None = None
     robustness: float = ROBUSTNESS
     delay_s: float = 0.0
+    law: str = "servo"
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +163,8 @@ class ServoDesign:
 
     Attributes
     ----------
+    law : str
+        Its name in `LAWS`.
     gains : ServoGains
         The controller.
     choice : Choice
@@ -182,6 +187,7 @@ class ServoDesign:
         What a user should know.
     """
 
+    law: str
     gains: ServoGains
     choice: Choice
     plants: dict[str, control.StateSpace]
@@ -225,14 +231,11 @@ def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesig
     first, notes = sources[0], (*notes, *(note for _, each in moved for note in each))
     plants = {each.name: loop_plant(each.model, request.delay_s) for each in sources}
     shown_hz = max(each.shown_hz for each in sources)
+    known: dict[str, Any] = {"limits": limits, "shown_hz": shown_hz, "filters": LAWS[request.law]}
     if request.bandwidth_hz is None:
-        choice = choose_bandwidth(
-            plants, tracked, robustness=request.robustness, limits=limits, shown_hz=shown_hz
-        )
+        choice = choose_bandwidth(plants, tracked, robustness=request.robustness, **known)
     else:
-        choice = at_bandwidth(
-            plants, tracked, request.bandwidth_hz, limits=limits, shown_hz=shown_hz
-        )
+        choice = at_bandwidth(plants, tracked, request.bandwidth_hz, **known)
     backwards = _backwards(plants, tracked, shown_hz)
     notes = tuple(filter(None, (choice.caution, backwards, *notes)))
     steps = _steps(first, tracked)
@@ -253,7 +256,9 @@ def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesig
         for seed in range(1, TWINS + 1)
     )
     results = step_results(servo, run, steps)
-    return ServoDesign(gains, choice, plants, shown_hz, twin, steps, run, results, others, notes)
+    return ServoDesign(
+        request.law, gains, choice, plants, shown_hz, twin, steps, run, results, others, notes
+    )
 
 
 def _backwards(
@@ -347,6 +352,7 @@ def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray
         C=regulator.C,
         feedback=regulator.feedback,
         correction=regulator.correction,
+        deviation=regulator.deviation,
         planning=regulator.planning,
         forward=regulator.forward,
         rest=rest,

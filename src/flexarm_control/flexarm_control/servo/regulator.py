@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_control.models.arm_model import delayed
+from flexarm_control.servo.generalised_plant import GeneralisedPlant, hinf_gains, lqg_gains
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
 from flexarm_ident.fitting.validation import frequency_response
@@ -65,16 +66,24 @@ class Filter(NamedTuple):
     rolls_off : bool
         Whether it leaves modes beyond its frequency to the model. Else it follows them too, which
         damps them where the model knows their frequencies well.
+    hinf : bool
+        Whether filter and regulator are those of H-infinity; else they are those of LQG.
     """
 
     ratio: float
     rolls_off: bool
+    hinf: bool = False
 
 
 FILTERS = tuple(
     Filter(ratio, rolls_off) for ratio in (3.0, 10.0, 1.0) for rolls_off in (False, True)
 )
 """Filters that are tried. None is the best for every arm; among equal ones the first is taken."""
+LAWS = {
+    "servo": FILTERS,
+    "hinf": tuple(each._replace(hinf=True) for each in FILTERS),
+}
+"""Filters of each law by its name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +100,9 @@ class Regulator:
         Gain on the estimated state with disturbances.
     correction : ndarray, (states, outputs)
         Gain of the filter at a sample.
+    deviation : ndarray, (states, states)
+        Transition of what the estimated state differs from the planned one: A, or that with the
+        worst disturbance.
     planning : ndarray, (inputs, states)
         Gain L on the planned state.
     forward : ndarray, (3, inputs, tracked)
@@ -107,6 +119,7 @@ class Regulator:
     C: FloatArray
     feedback: FloatArray
     correction: FloatArray
+    deviation: FloatArray
     planning: FloatArray
     forward: FloatArray
     tracked: tuple[int, ...]
@@ -116,7 +129,7 @@ class Regulator:
     def controller(self) -> control.StateSpace:
         """The linear controller from the outputs to the inputs, predicted state inside."""
         corrected = np.eye(len(self.A)) - self.correction @ self.C
-        moves = self.A - self.B @ self.feedback
+        moves = self.deviation - self.B @ self.feedback
         return state_space(
             moves @ corrected,
             moves @ self.correction,
@@ -221,35 +234,23 @@ def design_regulator(
     SettingError
         When no input reaches a tracked output at rest, or no design stabilises the model.
     """
-    library = control_library()
-    dt_s = float(plant.dt)
     # An output that nothing moves has no weight either.
     moves = np.abs(frequency_response(plant, [bandwidth_hz])[0][list(tracked)])
     _require_reach(plant, tracked, moves, bandwidth_hz)
     scale = np.ones(plant.ninputs) if limits is None else np.asarray(limits, dtype=np.float64)
     scale = np.where(np.isfinite(scale), scale, 1.0)
-    filter_hz = min(through.ratio * bandwidth_hz, 0.25 / dt_s)
-    sizes = _sizes(plant, filter_hz, scale)
-    A, B, C, noise, rejection = _with_disturbances(plant, tracked, bandwidth_hz, sizes, scale)
-    seen = _below(plant, filter_hz) if through.rolls_off else np.eye(plant.nstates)
-    driven = seen @ plant.B * scale
-    noise[: plant.nstates, : plant.nstates] = driven @ driven.T
+    weighed = _generalised(plant, tracked, bandwidth_hz, scale, through)
     try:
-        gain = _gain(plant, tracked, bandwidth_hz, scale)
-        ahead = _gain(plant, tracked, _AHEAD * bandwidth_hz, scale)
-        _, spread, _ = library.dlqe(A, np.eye(len(A)), C, _even(noise), np.diag(sizes**2))
+        gains = hinf_gains(weighed) if through.hinf else lqg_gains(weighed)
+        ahead = _planning(plant, tracked, bandwidth_hz, scale)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SettingError(_no_design(bandwidth_hz)) from error
-    spread = np.asarray(spread)
-    correction = np.linalg.solve(C @ spread @ C.T + np.diag(sizes**2), C @ spread).T
-    forward = _forward(plant, tracked, ahead, scale, bandwidth_hz)
     found = Regulator(
         plant,
-        *(A, B, C),
-        np.hstack([gain, rejection]),
-        correction,
-        np.hstack([ahead, np.zeros_like(rejection)]),
-        forward,
+        *(weighed.A, weighed.B, weighed.C),
+        *gains,
+        np.hstack([ahead, np.zeros_like(weighed.rejection)]),
+        _forward(plant, tracked, ahead, scale, bandwidth_hz),
         tuple(tracked),
         float(bandwidth_hz),
     )
@@ -271,13 +272,20 @@ def loop_radius(found: Regulator, plant: control.StateSpace) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(closed))))
 
 
-def _gain(
-    plant: control.StateSpace, tracked: Sequence[int], at_hz: float, scale: FloatArray
+def _planning(
+    plant: control.StateSpace, tracked: Sequence[int], bandwidth_hz: float, scale: FloatArray
 ) -> FloatArray:
-    """Return the gain on the state with which the tracked outputs cross over at a frequency."""
-    cost = _even(plant.C.T @ _output_weight(plant, tracked, at_hz, scale) @ plant.C)
+    """Return the gain on the planned state."""
+    cost = _cost(plant, tracked, _AHEAD * bandwidth_hz, scale)
     gain, *_ = control_library().dlqr(plant.A, plant.B, cost, np.diag(scale**-2.0))
     return np.asarray(gain)
+
+
+def _cost(
+    plant: control.StateSpace, tracked: Sequence[int], at_hz: float, scale: FloatArray
+) -> FloatArray:
+    """Return the cost of the state by which the tracked outputs cross over at a frequency."""
+    return _even(plant.C.T @ _output_weight(plant, tracked, at_hz, scale) @ plant.C)
 
 
 def _forward(
@@ -410,19 +418,19 @@ def _output_weight(
     return weight
 
 
-def _with_disturbances(
+def _generalised(
     plant: control.StateSpace,
     tracked: Sequence[int],
     bandwidth_hz: float,
-    sizes: FloatArray,
     scale: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return A, B, C with disturbances that the outputs tell apart.
-
-    Behind them come the covariance of their noise, and the part of the inputs that each disturbance
-    is.
-    """
+    through: Filter,
+) -> GeneralisedPlant:
+    """Return a plant with disturbances that its outputs tell apart, and all weights."""
     dt_s = float(plant.dt)
+    filter_hz = min(through.ratio * bandwidth_hz, 0.25 / dt_s)
+    sizes = _sizes(plant, filter_hz, scale)
+    seen = _below(plant, filter_hz) if through.rolls_off else np.eye(plant.nstates)
+    driven = seen @ plant.B * scale
     slow: ComplexArray = frequency_response(plant, [_SLOW * bandwidth_hz])[0]
     corner = 2.0 * np.pi * bandwidth_hz * dt_s
     others = [j for j in range(plant.noutputs) if j not in set(tracked)]
@@ -447,10 +455,12 @@ def _with_disturbances(
     B = np.vstack([plant.B, np.zeros((count + shifts, plant.ninputs))])
     C = np.hstack([plant.C, np.zeros((plant.noutputs, count)), np.eye(plant.noutputs)[:, biases]])
     noise = np.zeros_like(A)
+    noise[:order, :order] = _even(driven @ driven.T)
     noise[order:, order:] = np.diag(
         [corner**2] * count + [(_BIAS_RATIO * corner * sizes[j]) ** 2 for j in biases]
     )
-    return A, B, C, noise, rejection
+    cost, effort = _cost(plant, tracked, bandwidth_hz, scale), np.diag(scale**-2.0)
+    return GeneralisedPlant(A, B, C, noise, sizes, rejection, cost, effort)
 
 
 def _is_apart(chosen: Sequence[ComplexArray], effect: ComplexArray) -> bool:

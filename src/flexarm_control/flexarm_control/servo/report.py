@@ -35,7 +35,7 @@ def summary(design: ServoDesign) -> dict[str, Any]:
     gains, (model, worst) = design.gains, design.choice.worst
     return {
         **MARK_KEY,
-        "law": "servo",
+        "law": design.law,
         "inputs": list(gains.inputs),
         "outputs": list(gains.outputs),
         "tracked": list(gains.tracked),
@@ -90,7 +90,7 @@ def told(design: ServoDesign) -> list[str]:
 def report(design: ServoDesign) -> str:
     """Return the report of a design as one HTML page."""
     gains = design.gains
-    title = f"Servo of {', '.join(gains.tracked)}"
+    title = f"Law {design.law} of {', '.join(gains.tracked)}"
     parts: dict[str, list[Block]] = {
         "Steps": [
             Words(

@@ -226,11 +226,12 @@ def choose_bandwidth(
     robustness: float,
     limits: FloatArray,
     shown_hz: float = 0.0,
+    filters: Sequence[Filter] = FILTERS,
 ) -> Choice:
     """Return the design with the largest bandwidth whose worst disk margin meets a bound.
 
     It is searched from above, from a third of the slowest vibration or a twentieth of the rate on,
-    with each of `FILTERS`. Where no bandwidth meets the bound, it is that with nearly the largest
+    with each of the filters. Where no bandwidth meets the bound, it is that with nearly the largest
     margin, and says so.
 
     Parameters
@@ -245,6 +246,8 @@ def choose_bandwidth(
         Largest inputs.
     shown_hz : float
         Frequency below which a pair does not count as a vibration; see `vibrations`.
+    filters : sequence of Filter
+        Filters of the law.
 
     Raises
     ------
@@ -255,7 +258,7 @@ def choose_bandwidth(
     every = _all(plants, shown_hz)
     made: list[Choice] = []
     best, least_hz = None, highest_hz / _RANGE
-    for through in FILTERS:
+    for through in filters:
         tries = _Tries(every, tracked, limits, robustness, through)
         found = tries.fastest(highest_hz, least_hz)
         made += tries.made
@@ -385,6 +388,7 @@ def at_bandwidth(
     *,
     limits: FloatArray,
     shown_hz: float = 0.0,
+    filters: Sequence[Filter] = FILTERS,
 ) -> Choice:
     """Return the design for a bandwidth that was said; arguments as in `choose_bandwidth`.
 
@@ -400,7 +404,7 @@ def at_bandwidth(
             "a smaller one, or auto"
         )
     every = _all(plants, shown_hz)
-    tries = [_Tries(every, tracked, limits, 0.0, through) for through in FILTERS]
+    tries = [_Tries(every, tracked, limits, 0.0, through) for through in filters]
     made = [found for each in tries if (found := each.design(bandwidth_hz)) is not None]
     if not made:
         raise tries[0].error or SettingError("no stabilising design")

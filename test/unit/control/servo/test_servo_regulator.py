@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from flexarm_control.servo import robustness
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
 from flexarm_control.servo.regulator import (
     FILTERS,
+    Filter,
     _below,
     design_regulator,
     loop_plant,
@@ -34,6 +35,9 @@ from flexarm_control.servo.robustness import (
 )
 from flexarm_core.errors import SettingError
 from support.servo_plants import DT_S, bending_arm, sampled, two_joints
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 
 def test_design_regulator___bending_arm___is_stable_at_every_bandwidth() -> None:
@@ -230,18 +234,14 @@ def test_choose_bandwidth___margin_that_none_has___gives_a_design_with_a_caution
 
 
 @pytest.mark.slow
-def test_choose_bandwidth___each_filter_alone___gives_no_larger_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_choose_bandwidth___each_filter_alone___gives_no_larger_one() -> None:
     plants = {"arm": loop_plant(bending_arm(), 0.004)}
 
-    def chosen() -> Choice:
-        return choose_bandwidth(plants, [0], robustness=0.8, limits=np.array([3.0]))
+    def chosen(filters: Sequence[Filter]) -> Choice:
+        limits = np.array([3.0])
+        return choose_bandwidth(plants, [0], robustness=0.8, limits=limits, filters=filters)
 
-    best, alone = chosen(), []
-    for each in FILTERS:
-        monkeypatch.setattr(robustness, "FILTERS", (each,))
-        alone.append(chosen())
+    best, alone = chosen(FILTERS), [chosen((each,)) for each in FILTERS]
 
     assert best.worst[1].disk >= 0.8
     largest_hz = max(each.regulator.bandwidth_hz for each in alone if not each.caution)

@@ -80,13 +80,17 @@ servo_options = together(
 """Options of `run_servo`."""
 
 
-def run_servo(paths: Sequence[Path], out: Path, options: dict[str, Any], *, force: bool) -> None:
+def run_servo(
+    paths: Sequence[Path], law: str, out: Path, options: dict[str, Any], *, force: bool
+) -> None:
     """Identify what is a record, design a servo, and write it with its report.
 
     Parameters
     ----------
     paths : sequence of Path
         Model files, bags or CSV files of one rig.
+    law : str
+        servo or hinf.
     out : Path
         Folder of the results.
     options : dict
@@ -103,9 +107,11 @@ def run_servo(paths: Sequence[Path], out: Path, options: dict[str, Any], *, forc
     from flexarm_control.servo.job import design_servo  # noqa: PLC0415 - not for the help
 
     require_place([out / name for name in _FILES], force=force)
-    request = _request(options)
+    request = _request(law, options)
     sources = _sources(paths, out, options, force=force)
-    with terminal.busy(f"designing servo on {len(sources)} model{'s' * (len(sources) != 1)}"):
+    with terminal.busy(
+        f"designing {request.law} on {len(sources)} model{'s' * (len(sources) != 1)}"
+    ):
         design = design_servo(sources, request)
     write_servo(design, [source.name for source in sources], out)
 
@@ -136,7 +142,7 @@ def write_servo(design: ServoDesign, models: list[str], out: Path) -> None:
     terminal.step(f"Controller: {out / CONTROLLER_FILE}. Report: {out / _REPORT_FILE}")
 
 
-def _request(options: dict[str, Any]) -> ServoRequest:
+def _request(law: str, options: dict[str, Any]) -> ServoRequest:
     from flexarm_control.servo.job import ServoRequest  # noqa: PLC0415 - not for the help
 
     limits = {}
@@ -149,7 +155,8 @@ def _request(options: dict[str, Any]) -> ServoRequest:
         if not (sign and name):
             raise click.UsageError(f"--limit {text}: write INPUT=VALUE, such as torque=3")
     keys = ("bandwidth_hz", "robustness", "delay_s")
-    return ServoRequest(options.pop("track"), limits, **{key: options.pop(key) for key in keys})
+    figures = {key: options.pop(key) for key in keys}
+    return ServoRequest(options.pop("track"), limits, **figures, law=law)
 
 
 def _sources(

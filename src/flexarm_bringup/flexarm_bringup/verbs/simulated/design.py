@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 CONTROLLER_FILE = "controller.yaml"
 # The law of the controller for each tuning: without compensation, PDP sticks before the set-point.
-_SERVO = "servo"
+_SERVOS = ("servo", "hinf")
 _RUNS_AS = {"ilqr": "ilqr", "lqg": "lqg", "pdp": "pdpc"}
 # A step is clearly earlier when it takes less than two thirds of the time of another one.
 _EARLIER = 1.5
@@ -97,9 +97,9 @@ class Designed(NamedTuple):
 )
 @click.option(
     "--law",
-    type=click.Choice((*_RUNS_AS, _SERVO)),
-    help="ilqr for a payload by default, servo for records and models; pdp: its gains, run as "
-    "pdpc.",
+    type=click.Choice((*_RUNS_AS, *_SERVOS)),
+    help="For records and models servo (default) or hinf, H-infinity; for a payload ilqr "
+    "(default), lqg, or pdp: its gains, run as pdpc.",
 )
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True
@@ -125,14 +125,15 @@ def design(sources: tuple[Path, ...], law: str | None, **settings: Any) -> None:
     own = {field.name for field in fields(DesignSettings)}
     asked = {name: settings.pop(name) for name in tuple(settings) if name not in own}
     if sources or asked["track"]:
-        if law not in {None, _SERVO}:
-            raise click.UsageError(f"--law {law} is for --payload: a record has the law {_SERVO}")
+        if law not in {None, *_SERVOS}:
+            told = " or ".join(_SERVOS)
+            raise click.UsageError(f"--law {law} is for --payload: a record has the law {told}")
         if not sources:
             raise click.UsageError("--track needs a record or a model: name its file")
-        run_servo(sources, settings["out"], asked, force=settings["force"])
+        run_servo(sources, law or _SERVOS[0], settings["out"], asked, force=settings["force"])
         return
-    if law == _SERVO:
-        raise click.UsageError(f"--law {_SERVO} needs a record or a model, and --track OUTPUT")
+    if law in _SERVOS:
+        raise click.UsageError(f"--law {law} needs a record or a model, and --track OUTPUT")
     _run_design(DesignSettings(law=law or "ilqr", **settings))
 
 

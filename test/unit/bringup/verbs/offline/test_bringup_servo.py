@@ -28,17 +28,19 @@ def model(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.parametrize("law", ["servo", "hinf"])
 def test_design___model___writes_controller_summary_report_and_c(
-    model: Path, tmp_path: Path
+    model: Path, tmp_path: Path, law: str
 ) -> None:
     out = tmp_path / "out"
     words = [str(model), "--track", "hub", "--limit", "torque=3", "--bandwidth", "1Hz"]
+    words += ["--law", law]
 
     done = CliRunner().invoke(design, [*words, "--fast", "-o", str(out)], catch_exceptions=False)
 
     assert done.exit_code == 0
     found = json.loads((out / "summary.json").read_text("utf-8"))
-    assert (found["law"], found["tracked"], found["rate_hz"]) == ("servo", ["hub"], 500.0)
+    assert (found["law"], found["tracked"], found["rate_hz"]) == (law, ["hub"], 500.0)
     assert found["bandwidth_hz"] == pytest.approx(1.0)
     assert 0.0 < found["disk_margin"] < 2.0
     (step,) = found["step"]
@@ -83,7 +85,7 @@ def test_design___auto___meets_the_margin_that_was_asked_for(model: Path, tmp_pa
         (["{model}", "--track", "hub", "--limit", "torque"], "INPUT=VALUE"),
         (["{model}", "--track", "hub", "--law", "ilqr"], "--payload"),
         (["--track", "hub"], "needs a record or a model"),
-        (["--law", "servo"], "needs a record or a model"),
+        (["--law", "hinf"], "needs a record or a model"),
         (["none.csv", "--track", "hub"], "no such file"),
         (["{model}", "--track", "hub", "--input", "torque"], "signals of a record"),
     ],
