@@ -50,13 +50,13 @@ class Run:
         """Return the run without some samples; `numbered` keeps the gaps in their numbers."""
         kept = ~lost
         sequence = self.sequence[kept] if numbered else np.arange(1, kept.sum() + 1)
-        told = (
+        has_answer = (
             np.ones(len(self.answered), dtype=np.bool_) if answers else kept[: len(self.answered)]
         )
         answered = (
-            self.answered[told]
+            self.answered[has_answer]
             if numbered
-            else np.searchsorted(np.flatnonzero(kept), np.flatnonzero(told), side="right")
+            else np.searchsorted(np.flatnonzero(kept), np.flatnonzero(has_answer), side="right")
         )
         return replace(
             self,
@@ -65,8 +65,8 @@ class Run:
             y=self.y[kept],
             in_force=self.in_force[kept],
             in_force_sequence=self.in_force_sequence[kept],
-            answers=self.answers[told],
-            answer_sequence=self.answer_sequence[told],
+            answers=self.answers[has_answer],
+            answer_sequence=self.answer_sequence[has_answer],
             answered=answered,
         )
 

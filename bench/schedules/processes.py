@@ -144,13 +144,13 @@ class Commander(Process):
         self._repeats_until_s = self._silent_until_s = -math.inf
         self._silence_s = 0.0
 
-    def declare(self, tell: Callable[[Raw], None]) -> None:
+    def declare(self, send: Callable[[Raw], None]) -> None:
         """Tell a recorder which commander is active."""
         now_ns = self.world.wall_ns()
         raw = commander_bytes(
             now_ns, self._sender, self.work.name, uses_outputs=self.work.uses_outputs
         )
-        tell(Raw(COMMANDER, raw, now_ns, self.world.now_s))
+        send(Raw(COMMANDER, raw, now_ns, self.world.now_s))
 
     def repeat(self, silence_s: float, length_s: float) -> None:
         """Repeat numbers for a while, and be silent after each command."""

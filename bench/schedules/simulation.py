@@ -140,10 +140,10 @@ class Simulation:
             (self._links[f"{sender}>daq"], self._links[f"{sender}>recorder"]),
             count,
         )
-        made.declare(self._tell)
+        made.declare(self._send)
         return made
 
-    def _tell(self, message: object) -> None:
+    def _send(self, message: object) -> None:
         self.recorder.latched = message  # type: ignore[assignment]
         self._links["controller>recorder"].send(message)
 

@@ -235,7 +235,7 @@ def _off_reason(
     others: Sequence[Mapping[str, NDArray[np.float64]]],
 ) -> str:
     """Tell the outputs outside of the band, and what becomes of each on other rigs, per seed."""
-    told = []
+    lines = []
     for k, (theirs, here) in enumerate(zip(printed, ours.tolist(), strict=True)):
         if _is_near(here, theirs):
             continue
@@ -245,8 +245,8 @@ def _off_reason(
             listed = ", ".join(f"{error:.3f} {rig}" for rig, error in there.items())
             near = [rig for rig, error in there.items() if _is_near(error, theirs)]
             words += f"; {listed}; in the band {' and '.join(near) or 'on none of these rigs'}"
-        told.append(words)
-    return f"Outside of the band: {'. '.join(told)}."
+        lines.append(words)
+    return f"Outside of the band: {'. '.join(lines)}."
 
 
 def _is_near(error: float, printed: float) -> bool:

@@ -166,7 +166,7 @@ def test_stage_tune___before_a_tuning___shows_the_line_of_the_server(
     browser.wait_for("!document.getElementById('command_tune').checkVisibility()")
 
 
-def test_job___cancelled___tells_so_and_lets_the_next_one_begin(browser: Browser) -> None:
+def test_job___cancelled___says_so_and_lets_the_next_one_begin(browser: Browser) -> None:
     with LiveMock(job_step_s=30.0) as mock:
         opened(browser, mock)
         browser.click("#run_experiment")

@@ -86,7 +86,7 @@ def test_handle___of_each_joint___sets_its_set_point_alone(
     assert {request["joint"] for request in asked(two_joints, "reference")} == {joint}
 
 
-def test_handle___in_focus___moves_by_keys_and_tells_its_value(
+def test_handle___in_focus___moves_by_keys_and_says_its_value(
     browser: Browser, two_joints: LiveMock
 ) -> None:
     opened(browser, two_joints)

@@ -118,7 +118,7 @@ COMMANDS_V = np.array(excitation._COMMANDS_V)
         (0.5 * np.clip(COMMANDS_V, -6.0, 6.0), Verdict.DIFFERS),
     ],
 )
-def test_drive___line_curve_or_early_limit___is_told(
+def test_drive___line_curve_or_early_limit___is_reported(
     current_a: np.ndarray, verdict: Verdict
 ) -> None:
     finding = excitation.compare_drive(current_a.tolist())
@@ -232,7 +232,7 @@ def changed(gain: float, mode: float = 1.0) -> IdentifiedModel:
         (changed(1.5, mode=1.2), Verdict.DIFFERS),
     ],
 )
-def test_nominal_model___beside_a_changed_one___is_told(
+def test_nominal_model___beside_a_changed_one___is_reported(
     ours: IdentifiedModel, verdict: Verdict
 ) -> None:
     assert nominal_models.compare(0.0, (ours,)).judgement.verdict is verdict

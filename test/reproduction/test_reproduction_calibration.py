@@ -112,7 +112,7 @@ def swept(
     return subject.build(results)
 
 
-def test_choice___of_all_chapters___tells_distances_ties_and_what_is_missing() -> None:
+def test_choice___of_all_chapters___says_distances_ties_and_what_is_missing() -> None:
     finding = swept(
         "choice-s-4",
         {5e-4: (1.5**2.5, 1.5**1.5), 1e-3: 1.5, 2e-3: 1.0 / 1.5, 3e-3: 9.0},

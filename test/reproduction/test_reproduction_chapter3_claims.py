@@ -215,7 +215,7 @@ def test_left_out_rank___is_that_of_the_strongest_missing_mode() -> None:
 
 
 @pytest.mark.parametrize(("way", "theirs"), [("msv", 1), ("mrmc", 4)])
-def test_left_out_reason___tells_ranks_and_what_they_cost(way: str, theirs: int) -> None:
+def test_left_out_reason___says_ranks_and_what_they_cost(way: str, theirs: int) -> None:
     # Modes of the made-up trial by their rank by MRM: the strongest is "7".
     by_rank = ("7", "8", "1/2", "3/4", "5/6")
 

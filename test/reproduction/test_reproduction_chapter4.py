@@ -319,7 +319,7 @@ def test_reversals___count_turns_beyond_the_noise() -> None:
     assert ilqr._reversals(time_s) == 0
 
 
-def test_step___of_a_law___tells_what_the_sensors_would_read_without_noise() -> None:
+def test_step___of_a_law___says_what_the_sensors_would_read_without_noise() -> None:
     run = step_to(Pdpc(), 3.0, arm=RigParameters(payload_kg=0.2), seed=1)
     noise_v = run.y - run.true_y
     assert np.std(noise_v, axis=0) == pytest.approx(RigParameters().noise_v, rel=0.1)

@@ -96,7 +96,7 @@ def test_write_document___index___counts_the_verdicts_and_links_to_every_section
         assert f'<a id="{anchor}"></a>' in (tmp_path / page).read_text("utf-8")
 
 
-def test_write_document___index___tells_the_parts_of_each_subject_and_of_each_page(
+def test_write_document___index___says_the_parts_of_each_subject_and_of_each_page(
     tmp_path: Path,
 ) -> None:
     thesis = (1.0, 2.0, 4.0, 8.0)

@@ -89,12 +89,12 @@ def test_reversed_statement___among_any_others___is_neither_agreement_nor_same_c
     runs: list[list[tuple[int, int]]],
     near: bool,  # noqa: FBT001 - drawn
 ) -> None:
-    told = [less("told", *zip(*pairs, strict=True)) for pairs in runs]
+    reported = [less("told", *zip(*pairs, strict=True)) for pairs in runs]
     turned = [less("turned", *tuple(zip(*pairs, strict=True))[::-1]) for pairs in runs]
     # What the runs bear out is reversed where the thesis says the opposite.
-    assert [each.holds for each in told] == [each.is_reversed for each in turned]
+    assert [each.holds for each in reported] == [each.is_reversed for each in turned]
     found = judged(figures=[NEAR] if near else [FAR], statements=turned)
-    if any(each.holds for each in told):
+    if any(each.holds for each in reported):
         assert found.verdict is Verdict.DIFFERS
 
 
@@ -132,7 +132,7 @@ def test_judged___figures_of_several_kinds___have_to_agree_all() -> None:
     assert judged(figures=[NEAR, other]).verdict is Verdict.PARTLY
 
 
-def test_judged___by_construction___is_told_of_an_agreement_only() -> None:
+def test_judged___by_construction___is_reported_of_an_agreement_only() -> None:
     def verdict(*statements: Statement, figures: Sequence[Beside] = ()) -> Verdict:
         return judged(figures=figures, statements=statements, by_construction=True).verdict
 
@@ -223,13 +223,13 @@ def test_statement___of_several_parts___holds_stays_open_or_is_reversed(
     assert all_of("all", parts).outcome == outcome
 
 
-def test_statement___of_parts_that_differ___tells_each_of_them() -> None:
+def test_statement___of_parts_that_differ___says_each_of_them() -> None:
     assert all_of("all", [HOLDS, REVERSED]).text == "all (c reversed, else it holds): open"
     assert all_of("all", [OPEN, REVERSED]).text == "all (b open, c reversed): reversed (p = 0.02)"
     assert all_of("all", [HOLDS, HOLDS]).text == "all: holds (p = 0.01)"
 
 
-def test_statement___that_is_reversed___tells_how_likely_chance_reverses_it() -> None:
+def test_statement___that_is_reversed___says_how_likely_chance_reverses_it() -> None:
     assert Statement("told", 0.99, 0.02).text == "told: reversed (p = 0.02)"
     assert Statement("told", 0.3, 0.8).text == "told: open (p = 0.3)"
     assert Statement("told", 1.0, 0.0).text == "told: reversed"
@@ -257,7 +257,7 @@ def test_statements___of_several_parts___are_tested_as_several() -> None:
     assert all_of("", [Statement("", 0.9, 0.6)] * 2).p_opposite == pytest.approx(1.0)
 
 
-def test_ranked___order_of_many___is_told() -> None:
+def test_ranked___order_of_many___is_reported() -> None:
     thesis = np.arange(1.0, 9.0)
     assert ranked("", thesis, thesis**2).holds
     assert ranked("", thesis, thesis[::-1]).is_reversed
@@ -271,17 +271,17 @@ def test_pages___see_elsewhere___leads_to_subjects_with_a_verdict_of_their_own()
     index = INDEX.read_text("utf-8")
     verdicts = dict(re.findall(r"^\| \[(\S+)\]\(.*\*\*(.+)\*\* \|$", index, re.MULTILINE))
     elsewhere = Verdict.ELSEWHERE.value
-    told = set()
+    reported = set()
     for page in sorted(INDEX.parent.glob("*.md")):
         sections = re.split(r'^<a id="(\S+)"></a>$', page.read_text("utf-8"), flags=re.MULTILINE)
         for key, section in zip(sections[1::2], sections[2::2], strict=True):
             _, is_elsewhere, words = section.partition(f"**{elsewhere}**: ")
             if is_elsewhere:
-                told.add(key)
+                reported.add(key)
                 named = re.findall(r"(?:table|figure|claim|appendix)-\S*\w", words.splitlines()[0])
                 assert named, key
                 assert [verdicts[each] for each in named if verdicts[each] == elsewhere] == [], key
-    assert told == {key for key, verdict in verdicts.items() if verdict == elsewhere}
+    assert reported == {key for key, verdict in verdicts.items() if verdict == elsewhere}
 
 
 def test_pages___agreement_and_same_conclusions___keep_the_rules() -> None:

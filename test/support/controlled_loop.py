@@ -56,7 +56,7 @@ class ControlledRun:
         """Answer sample k + 1."""
         self.answers.append((len(self.answers) + 1, k + 1, *answer))
 
-    def tell(
+    def report(
         self,
         k: int,
         parameters: Mapping[str, Any],
@@ -95,14 +95,14 @@ class ControlledRun:
         """Return what a recorder gets of the run, but for the declaration of the commander."""
         sent = [arm_state(k + 1, START_NS + k * PERIOD_NS, outputs(k)) for k in range(samples)]
         sent += [_command(*answer) for answer in self.answers]
-        sent += [_law(told) for told in self.laws]
+        sent += [_law(reported) for reported in self.laws]
         return sorted(sent, key=lambda message: message.time_ns)
 
 
 def pd_run(samples: int, *, kp: float = 1.0, reference_v: float = 0.5) -> ControlledRun:
     """Return a run with the PD law that is told once."""
     run = ControlledRun()
-    run.tell(0, pd_parameters(kp), reference_v=reference_v)
+    run.report(0, pd_parameters(kp), reference_v=reference_v)
     for k in range(samples):
         run.answer(k, pd_answer(outputs(k), reference_v, kp))
     return run
@@ -123,17 +123,17 @@ def _command(number: int, sample: int, effort_v: float, compensation_v: float) -
     )
 
 
-def _law(told: LawRecord) -> Sent:
+def _law(reported: LawRecord) -> Sent:
     type_name = "flexarm_msgs/msg/LawInForce"
     raw = serialised(
         type_name,
-        header=header(told.stamp_ns),
-        command_sequence=told.command_sequence,
-        run_time_ns=told.run_time_ns,
-        reference_v=told.reference_v,
-        parameters=json.dumps(told.parameters),
-        memory_names=list(told.memory),
-        memory_sizes=np.array([len(group) for group in told.memory.values()], dtype=np.uint32),
-        memory=np.concatenate([np.array(group, float) for group in told.memory.values()]),
+        header=header(reported.stamp_ns),
+        command_sequence=reported.command_sequence,
+        run_time_ns=reported.run_time_ns,
+        reference_v=reported.reference_v,
+        parameters=json.dumps(reported.parameters),
+        memory_names=list(reported.memory),
+        memory_sizes=np.array([len(group) for group in reported.memory.values()], dtype=np.uint32),
+        memory=np.concatenate([np.array(group, float) for group in reported.memory.values()]),
     )
-    return Sent("/flexarm/law", type_name, told.stamp_ns + 2000, raw)
+    return Sent("/flexarm/law", type_name, reported.stamp_ns + 2000, raw)

@@ -198,8 +198,8 @@ class Campaign:
         try:
             self.graph.wait(condition, what)
         except LaunchError as error:
-            told = f"{len(self.states)} samples, {self.status.message}, {self.figures()}"
-            raise AssertionError(f"{error}: {told}") from None
+            reported = f"{len(self.states)} samples, {self.status.message}, {self.figures()}"
+            raise AssertionError(f"{error}: {reported}") from None
 
     def _is_quiet(self) -> bool:
         last = self.states[-QUIET_SAMPLES:]

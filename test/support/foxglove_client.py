@@ -66,9 +66,9 @@ class FoxgloveClient:
         )
         self.channels: dict[str, dict[str, Any]] = {}
         self._topics: list[str] = []
-        told = self._told()
-        self.name: str = told["name"]
-        self.capabilities: list[str] = told["capabilities"]
+        reported = self._reported()
+        self.name: str = reported["name"]
+        self.capabilities: list[str] = reported["capabilities"]
 
     def close(self) -> None:
         """End the connection."""
@@ -78,7 +78,7 @@ class FoxgloveClient:
         """Subscribe to topics, once the server has told of all of them."""
         wanted = list(topics)
         while not set(wanted) <= self.channels.keys():
-            self._told()
+            self._reported()
         first = len(self._topics)
         self._topics += wanted
         pairs = [
@@ -95,10 +95,10 @@ class FoxgloveClient:
                 _, number, time_ns = _HEAD.unpack_from(frame)
                 yield Served(self._topics[number], time_ns, frame[_HEAD.size :])
 
-    def _told(self) -> dict[str, Any]:
+    def _reported(self) -> dict[str, Any]:
         """Return the next thing in JSON; channels are noted."""
         while not isinstance(text := self._connection.recv(self._patience_s), str):
             pass
-        told: dict[str, Any] = json.loads(text)
-        self.channels |= {each["topic"]: each for each in told.get("channels", [])}
-        return told
+        reported: dict[str, Any] = json.loads(text)
+        self.channels |= {each["topic"]: each for each in reported.get("channels", [])}
+        return reported

@@ -148,7 +148,7 @@ def launched(arguments: Mapping[str, str]) -> tuple[list[Node], Context]:
     return [each for each in made if isinstance(each, Node)], context
 
 
-def told(arguments: Mapping[str, str]) -> list[str]:
+def reported(arguments: Mapping[str, str]) -> list[str]:
     """Return what the launch file tells the user with these arguments."""
     made, _ = _made(arguments)
     return [each.msg for each in made if isinstance(each, LogInfo)]

@@ -117,7 +117,7 @@ class LiveMock:
         self._ended.set()
         self._server.shutdown()
 
-    def tell_state(self) -> None:
+    def send_state(self) -> None:
         """Tell every page the state."""
         for page in list(self._pages):
             _send(page, as_json(self._state(page)))
@@ -189,7 +189,7 @@ class LiveMock:
         # The first news of a job comes behind its number.
         while self._due:
             self._due.pop().start()
-        self.tell_state()
+        self.send_state()
 
     def drop_pages(self) -> None:
         """Break the connection of every page."""
@@ -303,10 +303,10 @@ class LiveMock:
             if number in self._cancelled:
                 self._end(number, news | {"done": True, "ok": False, "message": "cancelled"})
                 return
-            self._tell(news | {"stage": stage, "fraction": k / len(JOB_STEPS)})
+            self._post(news | {"stage": stage, "fraction": k / len(JOB_STEPS)})
         found = work(request)
         if request["do"] == "identify":
-            self._tell(news | {"stage": "writing", "fraction": None, "data": found})
+            self._post(news | {"stage": "writing", "fraction": None, "data": found})
             if not self._is_written(number):
                 self._end(number, news | {"done": True, "ok": False, "message": "cancelled"})
                 return
@@ -321,10 +321,10 @@ class LiveMock:
         return True
 
     def _end(self, number: int, news: dict[str, Any]) -> None:
-        self._tell(news)
+        self._post(news)
         self.jobs.remove(number)
 
-    def _tell(self, message: dict[str, Any]) -> None:
+    def _post(self, message: dict[str, Any]) -> None:
         for page in list(self._pages):
             _send(page, json.dumps(message))
 
@@ -342,7 +342,7 @@ class LiveMock:
                     _send(page, packed)
             if elapsed_s * STATES_PER_S > states:
                 states += 1
-                self.tell_state()
+                self.send_state()
 
     def _state(self, page: ServerConnection) -> dict[str, Any]:
         active = "active" if self.badge == "DRIVING" else "inactive"

@@ -96,7 +96,7 @@ class SimulatedBoard:
         self._lines: list[list[str]] = []
         self._come = threading.Condition()
         threading.Thread(target=self._listen, daemon=True).start()
-        self.port = self.told("pty")[0]
+        self.port = self.reported("pty")[0]
 
     def say(self, line: str) -> None:
         """Give the simulation a line."""
@@ -107,10 +107,10 @@ class SimulatedBoard:
         """Return the board's time in s, and the angles of hub and tip in rad."""
         begun = len(self._lines)
         self.say("state")
-        time_us, hub, tip = map(float, self.told("state", begun))
+        time_us, hub, tip = map(float, self.reported("state", begun))
         return 1e-6 * time_us, hub, tip
 
-    def told(self, word: str, begun: int = 0) -> list[str]:
+    def reported(self, word: str, begun: int = 0) -> list[str]:
         """Wait for a line that begins with a word, from the line `begun` on."""
         found: list[list[str]] = []
 

@@ -129,9 +129,9 @@ def test_rig___is_moved_recorded_and_replayed(
 def test_up___its_page___moves_each_joint_stops_and_releases(graph: Graph, tmp_path: Path) -> None:
     file, rig = rig_of(tmp_path, two_motors())
     bag = tmp_path / "bag"
-    told: list[str] = []
+    reported: list[str] = []
     graph.node.create_subscription(
-        String, "rig_description", lambda message: told.append(message.data), qos.STATUS
+        String, "rig_description", lambda message: reported.append(message.data), qos.STATUS
     )
     words = ["up", "--rig", str(file), "--bag", str(bag), "--port", "0"]
     process = graph.run([str(ROOT / "flexarm"), *words])
@@ -165,8 +165,8 @@ def test_up___its_page___moves_each_joint_stops_and_releases(graph: Graph, tmp_p
         frame_after(page, lambda frame: not frame[:, inputs].any())
         done(do="release")
         frame_after(page, lambda frame: frame[-1, inputs].all())
-    graph.wait(lambda: bool(told), "the description")
-    assert told == [file.read_text()]
+    graph.wait(lambda: bool(reported), "the description")
+    assert reported == [file.read_text()]
     process.send(signal.SIGINT)
     assert process.exit_code() == 0, process.printed
     found = replay(read_loop(bag))

@@ -72,7 +72,7 @@ def flexarm(graph: Graph, *arguments: str) -> list[str]:
     return process.printed.splitlines()
 
 
-def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
+def test_two_arms___each_in_its_namespace___are_driven_stopped_and_distinguished(
     graph: Graph, tmp_path: Path
 ) -> None:
     heard = Heard(graph)
@@ -106,8 +106,8 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
     assert {name: report.hardware_id for name, report in heard.reports.items()} == {
         name: f"{name.rpartition('/')[0]}{' simulated' * name.endswith('daq')}" for name in names
     }
-    told = {each.key: each.value for each in heard.reports["/arm1/daq"].values}
-    assert told["command_v"] == "0 V, 0 A"
+    reported = {each.key: each.value for each in heard.reports["/arm1/daq"].values}
+    assert reported["command_v"] == "0 V, 0 A"
     assert any(
         line.startswith("daq: active") for line in flexarm(graph, "status", "--namespace", "arm2")
     )
@@ -171,7 +171,7 @@ def test_file_with_parameters_for_nobody_here___is_refused_by_the_node_that_was_
     graph.operator.await_recorder()
 
 
-def test_set___misspelt_node___is_told_the_nearest(graph: Graph) -> None:
+def test_set___misspelt_node___is_refused_with_the_nearest(graph: Graph) -> None:
     graph.start("controller")
     graph.wait(lambda: "/flexarm/controller" in graph.operator.nodes(), "the node")
     process = graph.run([str(ROOT / "flexarm"), "set", "controler", "law=pd"])

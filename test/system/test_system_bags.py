@@ -111,12 +111,12 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
         # What `ros2 topic info -v` shows, of a publisher that is still there.
         info = publishers[topic][0]
         assert connection.digest == str(info.topic_type_hash)
-        told = qos_of(connection)
-        assert told.reliability.name == info.qos_profile.reliability.name
-        assert told.durability.name == info.qos_profile.durability.name
+        reported = qos_of(connection)
+        assert reported.reliability.name == info.qos_profile.reliability.name
+        assert reported.durability.name == info.qos_profile.durability.name
         for one, other in (
-            (told.deadline, info.qos_profile.deadline),
-            (told.lifespan, info.qos_profile.lifespan),
+            (reported.deadline, info.qos_profile.deadline),
+            (reported.lifespan, info.qos_profile.lifespan),
         ):
             assert one.sec * 10**9 + one.nsec == other.nanoseconds
     assert {topic for topic in recorded if is_latched(recorded[topic])} == {

@@ -109,7 +109,7 @@ def test_composed_loop___emergency_stop_and_end___zero_while_it_drives(graph: Gr
     end(composed, signal.SIGINT, signal.SIGTERM)
 
 
-def test_composed_loop___that_stands_still___is_told(graph: Graph) -> None:
+def test_composed_loop___that_stands_still___is_reported(graph: Graph) -> None:
     states: list[ArmState] = []
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
     composed = start_composed(graph, {"rate_hz": 300.0, "time": "real"})

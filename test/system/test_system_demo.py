@@ -55,14 +55,16 @@ def test_demo___meets_its_figures_and_leaves_only_results(graph: Graph, tmp_path
     assert demo.exit_code() == 0, demo.printed
     assert hello["hand"] is False
     assert samples > 0
-    told = [each for each in dict.fromkeys(reason for _, reason in shown) if each in demo.printed]
-    assert [each.split()[0] for each in told] == [
+    reported = [
+        each for each in dict.fromkeys(reason for _, reason in shown) if each in demo.printed
+    ]
+    assert [each.split()[0] for each in reported] == [
         "Closed-loop",
         "Identifying",
         "Controlling",
         "Moving",
     ]
-    assert ("OFF", told[1]) in shown
+    assert ("OFF", reported[1]) in shown
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary) >= KEYS
     assert (summary["samples"], summary["lost"], summary["seed"]) == (12_000, 0, 5)

@@ -294,11 +294,11 @@ def test_loop___asks_its_readers_soon_what_they_have___so_what_is_lost_is_soon_r
     graph.start("controller")
     assert graph.transition("controller", "configure")
     # Without the profile of the nodes with a loop it takes 3 s. A busy machine may need more tries.
-    told = ""
+    reported = ""
     for attempt in range(3):
         process = run_script(graph, tmp_path / f"asking_node_{attempt}.py", ASKING_NODE)
         assert process.exit_code() == 0, process.printed
-        told += process.printed
-        if "reader known: True, acknowledged: True" in told:
+        reported += process.printed
+        if "reader known: True, acknowledged: True" in reported:
             return
-    pytest.fail(told)
+    pytest.fail(reported)

@@ -40,7 +40,7 @@ def test_viewer___gets_every_sample_and_the_arm(graph: Graph) -> None:
             | {"answer_timeout_s": 0.05, "listeners": 1},
         )
         received = list(islice(messages, 40))
-        told = viewer.channels
+        reported = viewer.channels
 
     assert description.topic == DESCRIPTION
     assert URDF.read_bytes() in description.raw
@@ -49,7 +49,7 @@ def test_viewer___gets_every_sample_and_the_arm(graph: Graph) -> None:
     assert {each.topic for each in received} == {STATE, FRAMES}
     # The text that the recorder writes into a bag.
     recorded = describe(own_types(), "flexarm_msgs/msg/ArmState", share_of)
-    assert told[STATE]["schema"] == recorded.text
+    assert reported[STATE]["schema"] == recorded.text
 
 
 def test_port_that_is_taken___ends_the_node_with_one_line(graph: Graph) -> None:

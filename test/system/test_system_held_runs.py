@@ -50,16 +50,16 @@ def test_sensor_fault_in_an_experiment___ends_it_with_the_reason_and_keeps_the_r
 
     last = failed_run(graph, tmp_path, pace, daq)
 
-    told = re.fullmatch(
+    reported = re.fullmatch(
         # A busy machine may have held the loop up before, which is told first.
         rf"flexarm: daq: (?:.*: )?the drive is held at zero: middle_strain_v "
         rf"{reason}.*, after (\S+) s of the run; fix the cause and run again \(docs/safety.md\)",
         last,
     )
-    assert told is not None, last
-    assert 30 / 300 <= float(told[1]) < 40.0
+    assert reported is not None, last
+    assert 30 / 300 <= float(reported[1]) < 40.0
     kept = States(tmp_path / "out" / "B_dat1.partial")
-    held_at = round(float(told[1]) * 300) + 1
+    held_at = round(float(reported[1]) * 300) + 1
     assert len(kept.sequence) < 12000
     assert not kept.command_v[kept.sequence > held_at].any()
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"B_dat1.partial", "nodes.log"}

@@ -127,7 +127,7 @@ def files_in(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.rglob("*")) if folder.exists() else []
 
 
-def test_goal___tells_its_stages_and_answers_as_the_service_does(
+def test_goal___says_its_stages_and_answers_as_the_service_does(
     laboratory: Graph, client: ActionClient, models: Path
 ) -> None:
     fields: dict[str, Any] = {
@@ -287,16 +287,16 @@ def test_goal_that_fails___is_aborted_with_one_line(
     assert result.message == "/nowhere/run: no such bag"
 
 
-@pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("reported", [signal.SIGINT, signal.SIGTERM])
 def test_signal_at_work___ends_the_node_and_leaves_no_file(
-    graph: Graph, models: Path, told: signal.Signals
+    graph: Graph, models: Path, reported: signal.Signals
 ) -> None:
     ident = graph.start("ident", {"output_folder": str(models), "exports": "json,mat,h"})
     with client_of(graph) as client:
         goal = Goal(graph, client, bag_uris=[str(BAG)])
         goal.wait_for_feedback()
 
-        assert graph.stop(ident, told) == 0
+        assert graph.stop(ident, reported) == 0
 
     assert "Traceback" not in ident.printed
     assert "terminate called" not in ident.printed

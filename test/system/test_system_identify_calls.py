@@ -138,9 +138,9 @@ def test_job_that_hangs___is_given_up_when_cancelled___and_can_write_nothing(
     caller: Caller,
 ) -> None:
     hanging = caller.begin()
-    told = answer_of(caller.canceller.call_async(Trigger.Request()))
-    assert told.success
-    assert told.message.startswith("cancelled: run1, Hankel matrices, ")
+    reported = answer_of(caller.canceller.call_async(Trigger.Request()))
+    assert reported.success
+    assert reported.message.startswith("cancelled: run1, Hankel matrices, ")
     answer = answer_of(hanging)
     assert not answer.success
     assert answer.message.startswith(
@@ -164,8 +164,8 @@ def test_goal_that_hangs___is_cancelled(caller: Caller) -> None:
 
 
 def test_cancel___with_nothing_at_work___says_so(caller: Caller) -> None:
-    told = answer_of(caller.canceller.call_async(Trigger.Request()))
-    assert (told.success, told.message) == (False, "no identification is at work")
+    reported = answer_of(caller.canceller.call_async(Trigger.Request()))
+    assert (reported.success, reported.message) == (False, "no identification is at work")
 
 
 @pytest.mark.parametrize(

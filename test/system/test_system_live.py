@@ -103,31 +103,33 @@ def test_page___while_an_experiment_runs___leaves_the_arm_to_it(
     process.wait_for("http")
     with connect_terminal("/flexarm") as terminal, closing(terminal.makefile("rw")) as lines:
 
-        def told(**request: Any) -> dict[str, Any]:  # noqa: ANN401 - of JSON
+        def reported(**request: Any) -> dict[str, Any]:  # noqa: ANN401 - of JSON
             lines.write(json.dumps({"id": 3, **request}) + "\n")
             lines.flush()
             reply: dict[str, Any] = json.loads(lines.readline())
             return reply
 
-        refused = told(do="set", node="daq", name="payload_kg", value=200)
+        refused = reported(do="set", node="daq", name="payload_kg", value=200)
         assert "payload_kg = 200 is not within 0 to 1 kg" in refused["message"]
-        beyond = told(do="reference", value=6.8)["data"]["note"]
+        beyond = reported(do="reference", value=6.8)["data"]["note"]
         assert "beyond the bound of 6.5 V" in beyond
-        assert told(do="reference", value=0.0)["data"]["note"] == ""
-        job = told(do="experiment", name="O_dat1")["data"]["job"]
-        assert told(do="status")["data"]["has_experiment"] is True
+        assert reported(do="reference", value=0.0)["data"]["note"] == ""
+        job = reported(do="experiment", name="O_dat1")["data"]["job"]
+        assert reported(do="status")["data"]["has_experiment"] is True
         for request in (
             {"do": "fault", "name": "none"},
             {"do": "activate", "node": "controller"},
             {"do": "reference", "value": 1.0},
             {"do": "record", "on": False},
         ):
-            refused = told(**request)
+            refused = reported(**request)
             assert refused["ok"] is False
             assert f"job {job}, experiment, is at work: cancel it or wait" in refused["message"]
-        assert told(do="cancel", job=job)["ok"] is True
-        graph.wait(lambda: not told(do="status")["data"]["has_experiment"], "the end of the job")
-        assert told(do="reference", value=1.0)["ok"] is True
+        assert reported(do="cancel", job=job)["ok"] is True
+        graph.wait(
+            lambda: not reported(do="status")["data"]["has_experiment"], "the end of the job"
+        )
+        assert reported(do="reference", value=1.0)["ok"] is True
     process.send(signal.SIGINT)
     assert process.exit_code() == 0, process.printed
 

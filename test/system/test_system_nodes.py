@@ -131,7 +131,7 @@ def test_node_with_a_loop___says_when_a_late_node_could_stop_it(
     assert all(f"{cause}this node uses shared memory" in line for line in lines)
 
 
-def test_controller_on_the_topic___tells_its_set_point_and_that_samples_have_stopped(
+def test_controller_on_the_topic___says_its_set_point_and_that_samples_have_stopped(
     graph: Graph,
 ) -> None:
     references: list[Float64] = []
@@ -183,7 +183,7 @@ def test_managed_node___goes_through_its_states_twice(graph: Graph, name: str) -
         pytest.param("controller", "command", MotorCommand, marks=pytest.mark.exhaustive),
     ],
 )
-def test_activation___waits_for_as_many_readers_as_it_is_told(
+def test_activation___waits_for_as_many_readers_as_it_is_asked(
     graph: Graph, name: str, topic: str, kind: type
 ) -> None:
     graph.node.create_subscription(kind, topic, lambda _: None, qos.NEWEST)

@@ -101,8 +101,8 @@ def test_parameter_that_a_node_does_not_have___is_refused_and_the_only_one_named
     process = graph.start(name, given)
     assert process.exit_code() == 2
     (line,) = process.printed.splitlines()
-    told = "( .(nearest|known): [a-z_., ]+.)?"
-    assert re.match(f"/flexarm/{name} has no parameter nonsense{told}: ", line)
+    reported = "( .(nearest|known): [a-z_., ]+.)?"
+    assert re.match(f"/flexarm/{name} has no parameter nonsense{reported}: ", line)
 
 
 def test_misspelt_safety_limit_in_a_file___is_refused_with_the_nearest_name(

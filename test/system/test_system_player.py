@@ -63,7 +63,7 @@ def test_player___nobody_listens_to___plays_after_the_discovery(
     assert time.monotonic() - begun_s < 10.0 * slowness()
 
 
-def test_player___leaves_out_and_speeds_up_as_it_is_told(graph: Graph, tmp_path: Path) -> None:
+def test_player___leaves_out_and_speeds_up_as_it_is_asked(graph: Graph, tmp_path: Path) -> None:
     played_bag(tmp_path / "played", 1000)
     recorder = graph.start("recorder", {"bag": str(tmp_path / "copy"), "topics": ["state"]})
     recorder.wait_for("recording to")

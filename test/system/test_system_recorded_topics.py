@@ -84,7 +84,7 @@ def test_record___begun_in_mid_run___has_the_set_point_in_force(
     assert len(recorded(bag, "/flexarm/state", "flexarm_msgs/msg/ArmState")) == 2
 
 
-def test_record___of_best_effort_publisher___has_its_samples_and_tells(
+def test_record___of_best_effort_publisher___has_its_samples_and_says(
     graph: Graph, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
@@ -108,7 +108,7 @@ def test_record___of_best_effort_publisher___has_its_samples_and_tells(
     assert "publishes as best effort: what is lost on the way is not sent again" in recorder.printed
 
 
-def test_record___of_another_type___is_told(graph: Graph) -> None:
+def test_record___of_another_type___is_reported(graph: Graph) -> None:
     recorder = graph.start("recorder", {"topics": ["io"]})
     graph.node.create_publisher(String, "io", qos.SENT)
     recorder.wait_for(f"publishes std_msgs/msg/String, and {SAMPLE} is recorded")

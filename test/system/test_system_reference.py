@@ -48,12 +48,12 @@ def running(graph: Graph, tmp_path: Path) -> Graph:
 
 
 @pytest.mark.exhaustive
-def test_set_points_by_the_service___beside_a_recorder___are_all_in_force_and_told(
+def test_set_points_by_the_service___beside_a_recorder___are_all_in_force_and_reported(
     running: Graph,
 ) -> None:
-    told: list[float] = []
+    reported: list[float] = []
     running.node.create_subscription(
-        Float64, "reference", lambda message: told.append(message.data), qos.EVERY
+        Float64, "reference", lambda message: reported.append(message.data), qos.EVERY
     )
     given = np.linspace(-2.0, 2.0, 100).tolist()
     running.operator.acquaint("controller")
@@ -63,12 +63,12 @@ def test_set_points_by_the_service___beside_a_recorder___are_all_in_force_and_to
     assert [(reply.success, reply.reference_v) for reply in replies] == [
         (True, pytest.approx(each)) for each in given
     ]
-    running.wait(lambda: told[-100:] == given, "every set-point on the topic")
+    running.wait(lambda: reported[-100:] == given, "every set-point on the topic")
     assert in_force(running) == pytest.approx(given[-1])
 
 
 @pytest.mark.exhaustive
-def test_set_point_while_the_drive_is_held___tells_so(running: Graph) -> None:
+def test_set_point_while_the_drive_is_held___says_so(running: Graph) -> None:
     assert running.call(Trigger, "emergency_stop", Trigger.Request()).success
 
     # What was on its way when the stop was asked for still shows the command.

@@ -29,8 +29,8 @@ TOLD_EVERY = 300
 def test_record_from_mid_run___with_changes_and_a_second_activation___replays_to_the_bit(
     graph: Graph, tmp_path: Path
 ) -> None:
-    told: list[LawInForce] = []
-    graph.node.create_subscription(LawInForce, "law", told.append, qos.EVERY)
+    reported: list[LawInForce] = []
+    graph.node.create_subscription(LawInForce, "law", reported.append, qos.EVERY)
     graph.start("recorder")
     graph.start("controller", {"law": "pi"})
     # The gate cuts, which the laws hear.
@@ -38,27 +38,27 @@ def test_record_from_mid_run___with_changes_and_a_second_activation___replays_to
     graph.activate_loop()
     graph.operator.start_sampling()
 
-    def await_told(holds: Callable[[LawInForce], bool]) -> None:
-        before = len(told)
-        graph.wait(lambda: any(map(holds, told[before:])), "the law")
+    def await_reported(holds: Callable[[LawInForce], bool]) -> None:
+        before = len(reported)
+        graph.wait(lambda: any(map(holds, reported[before:])), "the law")
 
     def parameter(message: LawInForce, name: str) -> object:
         return json.loads(message.parameters).get(name)
 
-    await_told(lambda _: True)
+    await_reported(lambda _: True)
     graph.operator.record(str(tmp_path / "bag"))
-    await_told(lambda _: True)
+    await_reported(lambda _: True)
     graph.operator.set_parameters("controller", {"pi.kp": 0.6})
-    await_told(lambda message: parameter(message, "pi.kp") == pytest.approx(0.6))
+    await_reported(lambda message: parameter(message, "pi.kp") == pytest.approx(0.6))
     request = SetReference.Request(reference_v=1.0)
     assert graph.call(SetReference, "set_reference", request).success
-    await_told(lambda message: message.reference_v == pytest.approx(1.0))
+    await_reported(lambda message: message.reference_v == pytest.approx(1.0))
     graph.operator.set_parameters("controller", {"law": "lqg"})
-    await_told(lambda message: parameter(message, "law") == "lqg")
+    await_reported(lambda message: parameter(message, "law") == "lqg")
     graph.operator.deactivate("controller")
     graph.operator.activate("controller")
-    await_told(lambda message: message.command_sequence == 1)
-    await_told(lambda _: True)
+    await_reported(lambda message: message.command_sequence == 1)
+    await_reported(lambda _: True)
     graph.operator.deactivate("controller")
     graph.operator.record(None)
 

@@ -73,7 +73,7 @@ def running_robot(environment: Mapping[str, str]) -> Iterator[subprocess.Popen[s
         text=True,
     )
     try:
-        assert told(process) == "ready"
+        assert reported(process) == "ready"
         yield process
     finally:
         process.kill()
@@ -87,7 +87,7 @@ def robot(domain: None) -> Iterator[subprocess.Popen[str]]:
         yield process
 
 
-def told(process: subprocess.Popen[str]) -> str:
+def reported(process: subprocess.Popen[str]) -> str:
     assert process.stdout is not None
     return process.stdout.readline().strip()
 
@@ -114,8 +114,8 @@ def test_robot___controlled_by_its_topics___turns_to_the_goal(
             # The elbow is not commanded, so that the tip turns with the shoulder.
             assert readings[2] == pytest.approx(0.0, abs=1e-9)
         assert readings[0] == pytest.approx(0.5, abs=0.02)
-        assert told(robot) == "driven"
-    assert told(robot) == "zero"
+        assert reported(robot) == "driven"
+    assert reported(robot) == "zero"
 
 
 def test_robot___stopped___ends_the_run_with_zero_on_its_way(
@@ -124,15 +124,15 @@ def test_robot___stopped___ends_the_run_with_zero_on_its_way(
     with opened() as rig:
         rig.read()
         rig.write([0.1, 0.1])
-        assert told(robot) == "driven"
+        assert reported(robot) == "driven"
         os.kill(robot.pid, signal.SIGSTOP)
         with pytest.raises(RigError, match=r"no joint states on /joint_states within 5 s"):
             deque(iter(rig.read, None), maxlen=0)
         os.kill(robot.pid, signal.SIGCONT)
-        assert told(robot) == "zero"
+        assert reported(robot) == "zero"
 
 
-def test_robot___that_is_not_there___is_told(domain: None) -> None:
+def test_robot___that_is_not_there___is_reported(domain: None) -> None:
     del domain
     with pytest.raises(RigError, match="nobody reads /effort_controller/commands"):
         TopicsRig(SETTINGS, 2).open()

@@ -48,7 +48,7 @@ def board(program: tuple[Path, Path]) -> Iterator[SimulatedBoard]:
 
 def zero_within(board: SimulatedBoard, begun: int) -> tuple[int, int]:
     """Return when the output went to zero and how long after the last byte, microseconds."""
-    at_us, silence_us = map(int, board.told("zero", begun))
+    at_us, silence_us = map(int, board.reported("zero", begun))
     return at_us, silence_us
 
 
@@ -131,7 +131,7 @@ def test_host___stopped_for_250_ms___output_is_zero_until_it_goes_on(
         board.wait(0.25)
         stopped = board.lines
         os.kill(process.pid, signal.SIGCONT)
-        board.told("drive", stopped)
+        board.reported("drive", stopped)
 
 
 def test_line___with_garbage_in_place_of_commands___output_is_zero(
@@ -146,7 +146,7 @@ def test_line___with_garbage_in_place_of_commands___output_is_zero(
     while not any(each[0] == "zero" for each in board.heard(begun)):
         rig.read()
         line.send(rng.integers(0, 256, 40, dtype=np.uint8).tobytes())
-    marked_us = int(board.told("garbage", begun)[0])
+    marked_us = int(board.reported("garbage", begun)[0])
     assert zero_within(board, begun)[0] - marked_us < MOST_US
     for _ in range(30):
         rig.read()
@@ -181,7 +181,7 @@ def test_board___reset_in_a_run___output_is_zero_and_the_run_ends(board: Simulat
     board.say("reset")
     with pytest.raises(RigError, match="was reset"):
         list(loop)
-    assert zero_within(board, begun)[0] - int(board.told("reset_at", begun)[0]) < MOST_US
+    assert zero_within(board, begun)[0] - int(board.reported("reset_at", begun)[0]) < MOST_US
     rig.close()
     # The operator activates again.
     again = opened(board.port)
@@ -197,7 +197,7 @@ def test_stop_button___pressed___is_latched_until_the_next_start(board: Simulate
     board.say("press")
     with pytest.raises(RigError, match="stop of the board is pressed"):
         list(loop)
-    assert zero_within(board, begun)[0] - int(board.told("pressed", begun)[0]) < MOST_US
+    assert zero_within(board, begun)[0] - int(board.reported("pressed", begun)[0]) < MOST_US
     board.say("release")
     for _ in range(10):
         rig.write([400.0])

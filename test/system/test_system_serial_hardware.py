@@ -117,7 +117,7 @@ def test_board___wired_or_described_wrongly___step_says_so(
 
 
 @pytest.mark.exhaustive
-def test_button___that_nobody_presses___is_told(
+def test_button___that_nobody_presses___is_reported(
     board: SimulatedBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(serial_board, "_HAND_S", 1.0)

@@ -38,13 +38,13 @@ def test_snapshot___holds_the_last_second_and_the_set_point_that_a_late_viewer_o
     graph: Graph, tmp_path: Path
 ) -> None:
     bag = tmp_path / "last"
-    told = {
+    reported = {
         "bag": str(bag),
         "topics": ["commander", "state", "command", "reference", "/diagnostics", "/rosout"],
         "snapshot_mode": True,
         "snapshot_duration": KEPT_S,
     }
-    recorder = graph.start("recorder", told)
+    recorder = graph.start("recorder", reported)
     recorder.wait_for("recording to")
     states: list[int] = []
     watcher = graph.node.create_subscription(

@@ -36,7 +36,7 @@ def heard_times(graph: Graph) -> list[int]:
     return times
 
 
-def test_simulated_time_without_a_clock___is_told_and_stamps_are_the_wall_clocks(
+def test_simulated_time_without_a_clock___is_reported_and_stamps_are_the_wall_clocks(
     graph: Graph,
 ) -> None:
     stamps: dict[str, list[int]] = {"/diagnostics": [], "state": [], "command": [], "commander": []}
@@ -150,7 +150,7 @@ def test_clock_of_another_program___that_stays___is_warned_of(graph: Graph) -> N
     graph.wait(lambda: said in daq.printed, "the warning")
 
 
-def test_player___with_clock___tells_the_time_of_the_bag(graph: Graph, tmp_path: Path) -> None:
+def test_player___with_clock___says_the_time_of_the_bag(graph: Graph, tmp_path: Path) -> None:
     messages = played_bag(tmp_path / "played", 100)
     times = heard_times(graph)
     player = graph.run_node("player", {"bag": str(tmp_path / "played"), "clock": True, "rate": 0.5})

@@ -218,12 +218,12 @@ def test_up___recorder_killed___arm_goes_on_and_another_recorder_takes_its_place
 
     process.wait_for("/parameter_events")
     printed = " ".join(process.printed.split())
-    told = re.search(r"the arm goes on; for another one: \S+ (.*?\]')", printed)
-    assert told is not None, printed
+    reported = re.search(r"the arm goes on; for another one: \S+ (.*?\]')", printed)
+    assert reported is not None, printed
     before = heard[-1].sequence
     graph.wait(lambda: heard[-1].sequence > before + 300, "an arm that goes on")
     assert all(state.command_v for state in heard[-10:])
-    words = shlex.split(told[1].replace("NEW_BAG", str(second)))
+    words = shlex.split(reported[1].replace("NEW_BAG", str(second)))
     graph.run([str(ROOT / "flexarm"), *words])
     graph.wait((second / "metadata.yaml").exists, "the second record")
     process.send(signal.SIGINT)

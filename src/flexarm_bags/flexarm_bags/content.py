@@ -229,8 +229,8 @@ class ContentCheck:
         """Return in words that two nodes sent at the same time, with those that are known."""
         topic = self.topics[name]
         nodes = sorted(self._commanders.get(_place(name), ()))
-        is_told = topic.type_name == MOTOR_COMMAND and len(nodes) > 1
-        named = f" ({', '.join(nodes)})" if is_told else ""
+        names_nodes = topic.type_name == MOTOR_COMMAND and len(nodes) > 1
+        named = f" ({', '.join(nodes)})" if names_nodes else ""
         return (
             f"two nodes sent at the same time{named}: their numbers take turns at "
             f"{counted(len(turns), 'place')}, the first after number {numbers[turns[0] - 1]}; "

@@ -102,9 +102,9 @@ def _write_help(made: Path, words: str, context: click.Context) -> None:
 def _write_words(made: Path, words: str, found: Iterable[CompletionItem]) -> None:
     items = list(found)
     for shell in _SHELLS:
-        told = get_completion_class(shell)
-        assert told is not None  # noqa: S101 - click has them
-        one = told(click.Command(_ROOT), {}, _ROOT, "")
+        completion = get_completion_class(shell)
+        assert completion is not None  # noqa: S101 - click has them
+        one = completion(click.Command(_ROOT), {}, _ROOT, "")
         lines = (
             f"{each.value}\t{one.format_completion(each).replace(chr(10), BREAK)}\n"
             for each in items

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from flexarm_node.topics.handover import DirectHandover
 
 # An unchanged reference is published again, for a recorder that was not yet there when it changed.
-_TELL_AGAIN_NS = 1_000_000_000
+_REPEAT_NS = 1_000_000_000
 # Shortest time between two estimates of the payload.
 _PAYLOAD_NS = 100_000_000
 # A stream of set-points that are refused is reported so often.
@@ -98,8 +98,8 @@ class ControllerNode(AnsweringNode):
         # State of a run, which `begin` resets.
         self._loop = self._setup.loop()
         self._rate = SampleRate()
-        self._told: tuple[float, ...] | None = None
-        self._told_ns = 0
+        self._sent: tuple[float, ...] | None = None
+        self._sent_ns = 0
         self._weighed_ns = 0
         self._in_force: _InForce | None = None
         self._drives = True
@@ -156,8 +156,8 @@ class ControllerNode(AnsweringNode):
         self._loop.reset()
         self._rate.reset()
         self._measured_hz = None
-        self._told = None
-        self._told_ns = 0
+        self._sent = None
+        self._sent_ns = 0
         self._weighed_ns = 0
         self._in_force = None
         self._drives = True
@@ -188,11 +188,11 @@ class ControllerNode(AnsweringNode):
         A record has it from the sample on behind which it was published.
         """
         if self._setup.has_profile or self._followed is not None:
-            self._tell_reference(taken_ns)
+            self._send_reference(taken_ns)
 
     def answered(self, taken_ns: int) -> None:
         """Publish what is in force for the law, when that is due, and the payload at intervals."""
-        self._tell_law(taken_ns)
+        self._send_law(taken_ns)
         setup = self._setup
         if setup.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return
@@ -216,12 +216,12 @@ class ControllerNode(AnsweringNode):
             before is None
             or setup is not before.setup
             or (not setup.has_profile and references != before.references)
-            or taken_ns - before.taken_ns >= _TELL_AGAIN_NS
+            or taken_ns - before.taken_ns >= _REPEAT_NS
         ):
-            memory = setup.told_memory(self._loop, references)
+            memory = setup.recorded_memory(self._loop, references)
             self._in_force = _InForce(taken_ns, setup, references, command_sequence, memory)
 
-    def _tell_law(self, taken_ns: int) -> None:
+    def _send_law(self, taken_ns: int) -> None:
         """Publish what was noted for a sample: the command did not wait for it."""
         if self._in_force is None or self._in_force.taken_ns != taken_ns:
             return
@@ -238,11 +238,11 @@ class ControllerNode(AnsweringNode):
         set_stamp(message.header.stamp, taken_ns)
         self._laws.publish(message)
 
-    def _tell_reference(self, taken_ns: int) -> None:
+    def _send_reference(self, taken_ns: int) -> None:
         """Publish the reference of a built-in profile, when it has changed and at intervals."""
-        if self._references == self._told and taken_ns - self._told_ns < _TELL_AGAIN_NS:
+        if self._references == self._sent and taken_ns - self._sent_ns < _REPEAT_NS:
             return
-        self._told, self._told_ns = self._references, taken_ns
+        self._sent, self._sent_ns = self._references, taken_ns
         self._publish_reference()
 
     def _on_request(self, values: Mapping[str, Any]) -> None:

@@ -26,7 +26,7 @@ class Tolerances(NamedTuple):
     goal_s: float
 
 
-class Told(NamedTuple):
+class Feedback(NamedTuple):
     """What a sample has shown: its stamp, ns, what is wanted, and where the joints are.
 
     Velocities that are not measured are not numbers.
@@ -48,7 +48,7 @@ class Told(NamedTuple):
 class Following:
     """Trajectory that the joints follow from the next sample on.
 
-    The thread of the loop asks for the set-points; the executor reads `told` and `ended`.
+    The thread of the loop asks for the set-points; the executor reads `feedback` and `ended`.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Following:
 
     Attributes
     ----------
-    told : Told or None
+    feedback : Feedback or None
         Newest sample.
     ended : str or None
         None while it goes on, empty at the goal, or the tolerance that was violated: `PATH` or
@@ -82,7 +82,7 @@ class Following:
         self._trajectory, self._tolerances = trajectory, tolerances
         self._measured, self._per_rad = measured, per_rad
         self._start_ns: int | None = None
-        self.told: Told | None = None
+        self.feedback: Feedback | None = None
         self.ended: str | None = None
 
     def references(self, taken_ns: int, outputs: Sequence[float]) -> tuple[float, ...]:
@@ -90,10 +90,10 @@ class Following:
         if self._start_ns is None:
             self._start_ns = taken_ns
         time_s = 1e-9 * (taken_ns - self._start_ns)
-        if self.ended is None or self.told is None:
-            self.told = Told(taken_ns, self._trajectory.at(time_s), self._measured(outputs))
-            self.ended = self._ending(time_s, np.abs(self.told.error))
-        return tuple((self.told.desired.positions * self._per_rad).tolist())
+        if self.ended is None or self.feedback is None:
+            self.feedback = Feedback(taken_ns, self._trajectory.at(time_s), self._measured(outputs))
+            self.ended = self._ending(time_s, np.abs(self.feedback.error))
+        return tuple((self.feedback.desired.positions * self._per_rad).tolist())
 
     def _ending(self, time_s: float, errors: FloatArray) -> str | None:
         late_s = time_s - self._trajectory.end_s

@@ -173,7 +173,7 @@ class RigSetup:
     def _ways(self) -> tuple[JointWay, ...]:
         return joint_ways(self.rig)
 
-    def told_memory(self, loop: Loop, references: tuple[float, ...]) -> Memory:
+    def recorded_memory(self, loop: Loop, references: tuple[float, ...]) -> Memory:
         """Return what a record holds of the loop: with its rig it needs all set-points."""
         is_arm_law = self.servo is None and self._is_thesis_arm
         return loop.memory() if is_arm_law else {**loop.memory(), REFERENCES: references}

@@ -93,7 +93,7 @@ class TrajectoryAction:
             ):
                 await news
                 news = Future()
-                if following.told is not None:
+                if following.feedback is not None:
                     goal.publish_feedback(_feedback(following, names))
         finally:
             self._node.destroy_timer(timer)
@@ -182,15 +182,15 @@ def _seconds(duration: Any) -> float:  # noqa: ANN401
 
 
 def _feedback(following: Following, names: Sequence[str]) -> FollowJointTrajectory.Feedback:
-    told = following.told
-    assert told is not None  # noqa: S101 - the caller has looked
+    feedback = following.feedback
+    assert feedback is not None  # noqa: S101 - the caller has looked
     message = FollowJointTrajectory.Feedback(
         joint_names=list(names),
-        desired=_point(told.desired),
-        actual=_point(told.actual),
-        error=_point(told.error),
+        desired=_point(feedback.desired),
+        actual=_point(feedback.actual),
+        error=_point(feedback.error),
     )
-    set_stamp(message.header.stamp, told.taken_ns)
+    set_stamp(message.header.stamp, feedback.taken_ns)
     return message
 
 
@@ -216,8 +216,8 @@ def _ended(
             Following.PATH: _Result.PATH_TOLERANCE_VIOLATED,
             Following.GOAL: _Result.GOAL_TOLERANCE_VIOLATED,
         }
-        assert following.told is not None  # noqa: S101 - a sample has ended it
-        errors = [", ".join(f"{each:.3g}" for each in row) for row in following.told.error]
+        assert following.feedback is not None  # noqa: S101 - a sample has ended it
+        errors = [", ".join(f"{each:.3g}" for each in row) for row in following.feedback.error]
         said = "{} tolerance violated, the errors are {} rad and {} rad/s".format(
             following.ended, *errors
         )

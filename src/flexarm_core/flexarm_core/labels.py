@@ -140,12 +140,12 @@ def with_deviation(value: float, deviation: float | None, decimals: int = 3) -> 
         return f"{value:.{decimals}f}"
     if not 0.0 < deviation < math.inf:
         return f"{value:.4g} \u00b1 {deviation:g}"
-    told = f"{deviation:.1e}"
-    decimals = 1 - int(told.partition("e")[2])
+    rounded = f"{deviation:.1e}"
+    decimals = 1 - int(rounded.partition("e")[2])
     if not _FEWEST_DECIMALS <= decimals <= _MOST_DECIMALS:
-        return f"{value:.9g} \u00b1 {told}"
+        return f"{value:.9g} \u00b1 {rounded}"
     decimals = max(0, decimals)
-    return f"{value:.{decimals}f} \u00b1 {float(told):.{decimals}f}"
+    return f"{value:.{decimals}f} \u00b1 {float(rounded):.{decimals}f}"
 
 
 def decay(eigenvalue: complex, dt_s: float) -> str:

@@ -43,11 +43,13 @@ def own_module(path: Path, named: str) -> ModuleType:
     except FlexarmError:
         raise
     except (Exception, SystemExit) as error:
-        raise SettingError(f"{named}: {path}{failed_line(error, path)}: {told(error)}") from error
+        raise SettingError(
+            f"{named}: {path}{failed_line(error, path)}: {error_text(error)}"
+        ) from error
     return module
 
 
-def told(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return the kind and the text of an error in one line."""
     return f"{type(error).__name__}: {one_line(error)}"
 

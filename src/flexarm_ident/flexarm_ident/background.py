@@ -47,7 +47,7 @@ class Background(Generic[Result]):
         self._stage = "its beginning"
         self._left: set[str] = set()
         self._fraction = 0.0
-        self._told: tuple[str, float] = ("", 0.0)
+        self._reported: tuple[str, float] = ("", 0.0)
         self._ending = threading.Lock()
         self._is_over = False
         self._progress: SimpleQueue[tuple[str, float]] = SimpleQueue()
@@ -133,11 +133,11 @@ class Background(Generic[Result]):
             self._left.add(self._stage)
             self._stage = stage
         self._fraction = max(self._fraction, fraction)
-        told_stage, told = self._told
-        if self._stage == told_stage and self._fraction < min(told + _SMALLEST_PART, 1.0):
+        reported_stage, reported = self._reported
+        if self._stage == reported_stage and self._fraction < min(reported + _SMALLEST_PART, 1.0):
             return
-        if (self._stage, self._fraction) == self._told:
+        if (self._stage, self._fraction) == self._reported:
             return
-        self._told = self._stage, self._fraction
-        self._progress.put(self._told)
+        self._reported = self._stage, self._fraction
+        self._progress.put(self._reported)
         self._notify()

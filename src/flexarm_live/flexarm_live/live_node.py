@@ -141,12 +141,12 @@ class LiveNode(Node):
     async def _look_again(self, name: str) -> None:
         """Tell the pages what another process of a node has for parameters."""
         with suppress(CallError):
-            self._tell_parameters(name, await self._bridge.loop.parameters[name].look_again())
+            self._send_parameters(name, await self._bridge.loop.parameters[name].look_again())
 
-    def _tell_parameters(self, name: str, changed: Mapping[str, Any]) -> None:
+    def _send_parameters(self, name: str, changed: Mapping[str, Any]) -> None:
         if changed:
-            self._server.tell({"type": "parameters", "node": name, "values": changed})
-            self._server.tell_state()
+            self._server.send({"type": "parameters", "node": name, "values": changed})
+            self._server.send_state()
 
     def _on_parameters(self, event: ParameterEvent) -> None:
         space, _, name = event.node.rpartition("/")
@@ -155,7 +155,7 @@ class LiveNode(Node):
         changed = self._bridge.loop.parameters[name].update(
             [*event.new_parameters, *event.changed_parameters]
         )
-        self._tell_parameters(name, changed)
+        self._send_parameters(name, changed)
 
 
 def _listening(address: str, port: int) -> socket.socket:

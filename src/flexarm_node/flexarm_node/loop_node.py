@@ -229,7 +229,7 @@ class LoopNode(LifecycleNode):
             self.describe_rig()
             self.make_topics()
         except Exception as error:  # noqa: BLE001 - rclpy would swallow it
-            self._tell(f"not configured: {self._reason(error)}")
+            self._report_trouble(f"not configured: {self._reason(error)}")
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
@@ -241,7 +241,7 @@ class LoopNode(LifecycleNode):
             self._require_rig()
             self.prepare()
         except Exception as error:  # noqa: BLE001 - rclpy would swallow it
-            self._tell(f"not activated: {self._reason(error)}")
+            self._report_trouble(f"not activated: {self._reason(error)}")
             return TransitionCallbackReturn.FAILURE
         self._stopping.clear()
         self._idle_reports.cancel()
@@ -287,9 +287,9 @@ class LoopNode(LifecycleNode):
         try:
             with collector.resting():
                 self.loop(self._stopping)
-            self._tell(self.alarm())
+            self._report_trouble(self.alarm())
         except Exception as error:  # noqa: BLE001 - the node outlives its loop, and shows it
-            self._tell(f"{ENDED}: {self._reason(error)}")
+            self._report_trouble(f"{ENDED}: {self._reason(error)}")
         self._last_entries = [each for figures in self.figures() for each in entries(figures)]
         self._report_idle()
         if not self._stopping.is_set():
@@ -298,7 +298,7 @@ class LoopNode(LifecycleNode):
     def _reason(self, error: Exception) -> str:
         return one_line(error) if isinstance(error, self._expected) else with_place(error)
 
-    def _tell(self, trouble: str) -> None:
+    def _report_trouble(self, trouble: str) -> None:
         """Log trouble once and keep it for the diagnostics, until the next activation."""
         if trouble and trouble != self._trouble:
             self.get_logger().error(trouble)
@@ -328,7 +328,7 @@ class LoopNode(LifecycleNode):
                 yield
             due_s = min(due_s, time.monotonic())
             alarm = self.alarm()
-            self._tell(alarm)
+            self._report_trouble(alarm)
             warning = self.warning()
             if warning and warning != self._warning:
                 self.get_logger().warning(warning)

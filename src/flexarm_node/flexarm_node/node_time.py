@@ -45,7 +45,7 @@ class NodeTime:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._missed_s = math.inf
-        self._told = False
+        self._warned = False
 
     def now_ns(self) -> int:
         """Return the time in nanoseconds since the epoch, or since the simulated clock's start."""
@@ -62,8 +62,8 @@ class NodeTime:
     def _miss(self) -> None:
         now_s = time.monotonic()
         self._missed_s = min(self._missed_s, now_s)
-        if now_s - self._missed_s > _PATIENCE_S and not self._told:
-            self._told = True
+        if now_s - self._missed_s > _PATIENCE_S and not self._warned:
+            self._warned = True
             self._node.get_logger().warning(
                 "use_sim_time is set and nobody publishes /clock: stamps are the wall clock's"
             )

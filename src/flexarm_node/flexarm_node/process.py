@@ -152,7 +152,7 @@ def run(
     # What lives now lives to the end: the collector need not look through it in the loop's time.
     gc.collect()
     gc.freeze()
-    ending.tell(stop.trigger)
+    ending.call_at_end(stop.trigger)
     executor.add_node(node)
     try:
         while not stopped.is_set():
@@ -185,7 +185,7 @@ class Ending:
             if ending != signal.SIGHUP or signal.getsignal(ending) != signal.SIG_IGN:
                 signal.signal(ending, _leave_to_wakeup)
 
-    def tell(self, stop: Callable[[], None]) -> None:
+    def call_at_end(self, stop: Callable[[], None]) -> None:
         """Have a thread call `stop` at the first one."""
         threading.Thread(target=self._wait, args=(stop,), daemon=True, name="signals").start()
 

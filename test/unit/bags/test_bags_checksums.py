@@ -62,7 +62,7 @@ def test_summary___one_wrong_bit_anywhere___is_noticed_where_the_summary_is_read
 
 
 @pytest.mark.parametrize("back", [1, 5, 12, 30])
-def test_summary___wrong_bit_near_the_end_of_the_offsets___is_told(
+def test_summary___wrong_bit_near_the_end_of_the_offsets___is_reported(
     recording: Recording, tmp_path: Path, back: int
 ) -> None:
     """Nothing but the checksum covers these bytes twice."""
@@ -83,7 +83,7 @@ def test_summary___wrong_bit_near_the_end_of_the_offsets___is_told(
         ("chunk", "a chunk does not have its checksum"),
     ],
 )
-def test_checksum___changed_itself___is_told(
+def test_checksum___changed_itself___is_reported(
     recording: Recording, tmp_path: Path, place: str, problem: str
 ) -> None:
     raw = recording.file.read_bytes()
@@ -98,7 +98,7 @@ def test_checksum___changed_itself___is_told(
     assert any(found.endswith(f": {problem}") for found in check_bag(damaged).problems)
 
 
-def test_checksums_left_out___are_told_as_notes(recording: Recording, tmp_path: Path) -> None:
+def test_checksums_left_out___are_reported_as_notes(recording: Recording, tmp_path: Path) -> None:
     raw = bytearray(recording.file.read_bytes())
     for position in (len(raw) - len(MAGIC) - 4, recording.summary_at - 4):
         raw[position : position + 4] = bytes(4)
@@ -110,12 +110,12 @@ def test_checksums_left_out___are_told_as_notes(recording: Recording, tmp_path: 
     )
 
 
-@pytest.mark.parametrize(("start", "is_told"), [(1, True), (0, False)])
-def test_footer___that_points_elsewhere___is_told(
+@pytest.mark.parametrize(("start", "is_reported"), [(1, True), (0, False)])
+def test_footer___that_points_elsewhere___is_reported(
     recording: Recording,
     tmp_path: Path,
     start: int,
-    is_told: bool,  # noqa: FBT001 - a parameter of the test
+    is_reported: bool,  # noqa: FBT001 - a parameter of the test
 ) -> None:
     raw = bytearray(recording.file.read_bytes())
     footer = len(raw) - len(MAGIC) - 20
@@ -123,7 +123,7 @@ def test_footer___that_points_elsewhere___is_told(
     struct.pack_into("<I", raw, footer + 16, crc32(raw[recording.summary_at : footer + 16]))
     found = check_bag(damaged_copy(recording, tmp_path / "copy", bytes(raw))).problems
     line = f"{recording.file.name}: the footer does not point at the summary"
-    assert (line in found) is is_told
+    assert (line in found) is is_reported
 
 
 def file_end(start: int = 0, opcode: int = Opcode.FOOTER, magic: bytes = MAGIC) -> bytes:
@@ -211,7 +211,7 @@ def test_chunk___of_the_largest_size___is_taken(monkeypatch: pytest.MonkeyPatch)
     assert len(chunk_content(chunk(bytes(1 << 10), 1 << 10, 0))) == 1 << 10
 
 
-def test_attachment___with_a_wrong_bit___is_told(tmp_path: Path) -> None:
+def test_attachment___with_a_wrong_bit___is_reported(tmp_path: Path) -> None:
     good, bad = tmp_path / "good.mcap", tmp_path / "bad.mcap"
     content = b"a picture of the rig"
     with good.open("wb") as stream:

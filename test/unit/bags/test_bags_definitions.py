@@ -42,7 +42,7 @@ def test_member_that_a_known_type_lacks___is_no_fault(tmp_path: Path) -> None:
         )
 
 
-def test_states_without_a_header___are_told(tmp_path: Path) -> None:
+def test_states_without_a_header___are_reported(tmp_path: Path) -> None:
     text = definition().replace("std_msgs/Header header", "uint64 a\nuint64 b")
     bag = write_defined_bag(tmp_path / "run", open_loop(range(1, 10)), text)
     problems = check_bag(bag).problems
@@ -64,7 +64,7 @@ def test_types_that_double_at_each_level___are_refused() -> None:
         members(nested[0], definitions)
 
 
-def test_repeated_chunks___are_told_and_copied_once(tmp_path: Path) -> None:
+def test_repeated_chunks___are_reported_and_copied_once(tmp_path: Path) -> None:
     messages = experiment(100)
     bag = write_in_chunks(tmp_path / "run", messages, 50)
     file = mcap_file(bag)

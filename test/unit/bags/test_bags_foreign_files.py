@@ -212,7 +212,7 @@ def test_file___without_parts_of_its_summary___is_read_where_the_check_calls_it_
 
 @pytest.mark.parametrize("compression", list(CompressionType))
 @pytest.mark.parametrize("length", [0, 1, 1 << 31, 1 << 60, (1 << 64) - 1])
-def test_chunk___whose_bytes_state_another_length_than_its_record___is_told_and_read(
+def test_chunk___whose_bytes_state_another_length_than_its_record___is_reported_and_read(
     tmp_path: Path, compression: CompressionType, length: int
 ) -> None:
     file = write(tmp_path / "run.mcap", forces(), range(600), compression=compression)

@@ -67,9 +67,9 @@ def hash_of(schema: Schema) -> str:
 
 def test_files___of_every_kind___pass_a_strict_reader(bag: Path) -> None:
     """The checks of `mcap doctor`: every record and checksum, order, indexes, statistics."""
-    told = information(bag)
-    files: Any = told["files"]
-    assert [file.name for file in sorted(bag.glob("*.mcap"))] == told["relative_file_paths"]
+    reported = information(bag)
+    files: Any = reported["files"]
+    assert [file.name for file in sorted(bag.glob("*.mcap"))] == reported["relative_file_paths"]
     for entry in files:
         with (bag / entry["path"]).open("rb") as stream:
             records = list(StreamReader(stream, validate_crcs=True).records)
@@ -98,8 +98,8 @@ def test_files___of_every_kind___pass_a_strict_reader(bag: Path) -> None:
 
 
 def test_topics___of_every_kind___have_definition_hash_and_qos_twice_alike(bag: Path) -> None:
-    told = information(bag)
-    topics: Any = told["topics_with_message_count"]
+    reported = information(bag)
+    topics: Any = reported["topics_with_message_count"]
     metadata = {topic["topic_metadata"]["name"]: topic["topic_metadata"] for topic in topics}
     for file in bag.glob("*.mcap"):
         with file.open("rb") as stream:

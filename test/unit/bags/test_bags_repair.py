@@ -267,7 +267,9 @@ def test_folder_without_mcap_file___says_so(tmp_path: Path) -> None:
         repair_bag(tmp_path, tmp_path / "copy")
 
 
-def test_same_damage_in_several_chunks___is_told_once(recording: Recording, tmp_path: Path) -> None:
+def test_same_damage_in_several_chunks___is_reported_once(
+    recording: Recording, tmp_path: Path
+) -> None:
     raw = bytearray(recording.file.read_bytes())
     for start, _ in recording.chunks[1:4]:
         raw[start] = 0x7F

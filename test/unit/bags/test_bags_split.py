@@ -57,9 +57,9 @@ def split(tmp_path_factory: pytest.TempPathFactory, messages: list[Sent]) -> Pat
 def test_split___by_time___begins_a_file_when_the_time_is_exceeded(
     split: Path, messages: list[Sent]
 ) -> None:
-    told = information(split)
+    reported = information(split)
     names = [f"run_{number}.mcap" for number in range(12)]
-    assert told["relative_file_paths"] == names
+    assert reported["relative_file_paths"] == names
     assert {file.name for file in split.iterdir()} == {*names, "metadata.yaml"}
     # As rosbag2 does: the first message that is later than that is the next file's first one.
     parts: list[list[Sent]] = [[]]
@@ -76,10 +76,10 @@ def test_split___by_time___begins_a_file_when_the_time_is_exceeded(
         }
         for name, part in zip(names, parts, strict=True)
     ]
-    assert told["files"] == expected
-    assert told["message_count"] == len(messages)
-    assert told["starting_time"] == {"nanoseconds_since_epoch": messages[0].time_ns}
-    assert told["duration"] == {"nanoseconds": messages[-1].time_ns - messages[0].time_ns}
+    assert reported["files"] == expected
+    assert reported["message_count"] == len(messages)
+    assert reported["starting_time"] == {"nanoseconds_since_epoch": messages[0].time_ns}
+    assert reported["duration"] == {"nanoseconds": messages[-1].time_ns - messages[0].time_ns}
 
 
 def test_split___each_file___is_a_whole_one_with_all_topics(split: Path) -> None:
@@ -94,8 +94,8 @@ def test_split___each_file___is_a_whole_one_with_all_topics(split: Path) -> None
             "/flexarm/command",
             "/flexarm/reference",
         }
-        told = yaml.safe_load(note.metadata["serialized_metadata"])
-        assert told["files"] == information(split)["files"][: number + 1]  # type: ignore[index]
+        reported = yaml.safe_load(note.metadata["serialized_metadata"])
+        assert reported["files"] == information(split)["files"][: number + 1]  # type: ignore[index]
 
 
 def test_split___by_size___begins_a_file_after_a_flush_beyond_it(
@@ -156,13 +156,13 @@ def test_check___of_a_split_bag___compares_each_file_with_the_metadata(
     tmp_path: Path, messages: list[Sent]
 ) -> None:
     bag = split_bag(tmp_path / "run", messages)
-    told = yaml.safe_load((bag / "metadata.yaml").read_text("utf-8"))
-    told["rosbag2_bagfile_information"]["files"][3]["message_count"] += 1
-    (bag / "metadata.yaml").write_text(yaml.safe_dump(told), "utf-8")
+    reported = yaml.safe_load((bag / "metadata.yaml").read_text("utf-8"))
+    reported["rosbag2_bagfile_information"]["files"][3]["message_count"] += 1
+    (bag / "metadata.yaml").write_text(yaml.safe_dump(reported), "utf-8")
     assert "metadata.yaml: differs from its copy inside the file" in check_bag(bag).problems
 
 
-def test_file___that_is_ended___is_followed_by_another_one_and_no_loss_is_told(
+def test_file___that_is_ended___is_followed_by_another_one_and_no_loss_is_reported(
     tmp_path: Path, messages: list[Sent]
 ) -> None:
     bag = BagWriter(tmp_path / "run", recorded_topics(messages))

@@ -46,7 +46,7 @@ def test_check___missing_samples___are_counted(tmp_path: Path) -> None:
         ((1, 2, 6, 9), "5 periods without a sample at 2 places, the first after number 2"),
     ],
 )
-def test_check___numbers___tell_what_is_wrong(
+def test_check___numbers___say_what_is_wrong(
     tmp_path: Path, numbers: tuple[int, ...], line: str
 ) -> None:
     messages = [arm_state(number, START_NS + k * STEP_NS) for k, number in enumerate(numbers)]
@@ -157,7 +157,7 @@ def test_clock___last_sample_late___is_not_a_period_left_out() -> None:
     assert timed([*EVEN_MS[:-1], EVEN_MS[-1] + 1.2]) == []
 
 
-def test_clock___numbers_that_tell_what_was_left_out___are_not_counted_again() -> None:
+def test_clock___numbers_that_say_what_was_left_out___are_not_counted_again() -> None:
     numbers = np.array([1, 2, 3, 4, 5, 6, 9, 10, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23])
     # Two of the samples are late as well, one of them next to a gap.
     late = np.isin(numbers, (9, 17)) * 0.8

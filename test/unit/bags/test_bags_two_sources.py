@@ -22,7 +22,7 @@ ALONE, TOGETHER = 50, 40
 NODES = ("/flexarm/controller", "/lab/controller")
 
 
-def session(*, told: bool) -> list[Sent]:
+def session(*, reported: bool) -> list[Sent]:
     """Return a run in whose midst a second controller starts, which numbers from 1."""
     sent: list[Sent] = []
     for k in range(ALONE + TOGETHER):
@@ -36,14 +36,14 @@ def session(*, told: bool) -> list[Sent]:
         commander_info(start_ns, uses_outputs=True, node=node)
         for start_ns, node in zip(starts_ns, NODES, strict=True)
     ]
-    return sorted([*sent, *told_of] if told else sent, key=lambda each: each.time_ns)
+    return sorted([*sent, *told_of] if reported else sent, key=lambda each: each.time_ns)
 
 
-@pytest.mark.parametrize(("told", "named"), [(True, f" ({', '.join(NODES)})"), (False, "")])
+@pytest.mark.parametrize(("reported", "named"), [(True, f" ({', '.join(NODES)})"), (False, "")])
 def test_check___two_commanders_at_once___are_named_in_one_line(
-    tmp_path: Path, named: str, *, told: bool
+    tmp_path: Path, named: str, *, reported: bool
 ) -> None:
-    found = check_bag(written(tmp_path / "run", session(told=told)))
+    found = check_bag(written(tmp_path / "run", session(reported=reported)))
     # The second one's first number follows none; each of its others comes after one of the first.
     line = (
         f"/flexarm/command: two nodes sent at the same time{named}: their numbers take turns at "

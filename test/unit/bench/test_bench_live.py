@@ -31,7 +31,7 @@ def row(rows: list[Row], figure: str) -> Row:
         (1.0, None, None, "", ""),
     ],
 )
-def test_row___beside_its_line___tells_whether_it_holds(
+def test_row___beside_its_line___says_whether_it_holds(
     value: float, most: float | None, least: float | None, line: str, holds: str
 ) -> None:
     *_, shown_line, held = Row("drawing", "frames", value, "/s", most, least).cells()

@@ -165,6 +165,6 @@ def test_name_in_the_examples___is_how_the_script_was_called(tmp_path: Path) -> 
     file = tmp_path / ".flexarm-answers" / "80" / "up"
     file.parent.mkdir(parents=True)
     file.write_text(f"{answers.NAME} up\n\n  {answers.NAME} up --law pdpc\n")
-    told = script(tmp_path, "up", "--help", FLEXARM_CALLED="a/b & c/flexarm")
-    assert told.stdout == "a/b & c/flexarm up\n\n  a/b & c/flexarm up --law pdpc\n"
+    reported = script(tmp_path, "up", "--help", FLEXARM_CALLED="a/b & c/flexarm")
+    assert reported.stdout == "a/b & c/flexarm up\n\n  a/b & c/flexarm up --law pdpc\n"
     assert script(tmp_path, "up", "--help").stdout == "flexarm up\n\n  flexarm up --law pdpc\n"

@@ -52,12 +52,12 @@ def test_verb___help___is_that_of_the_list_and_has_examples(verb: str) -> None:
     assert isinstance(main, LazyVerbGroup)
     command = main.load(verb)
     context = click.Context(command, info_name=verb)
-    told = command.get_help(context)
+    reported = command.get_help(context)
     # A group has verbs of its own; the study says its own examples.
-    assert "Examples:" in told or "Commands:" in told or not command.add_help_option
+    assert "Examples:" in reported or "Commands:" in reported or not command.add_help_option
     listed = main.get_command(context, verb)
     assert listed is not None
-    assert listed.get_short_help_str(200) in " ".join(told.split())
+    assert listed.get_short_help_str(200) in " ".join(reported.split())
 
 
 def commands(name: str, command: click.Command) -> Iterator[tuple[str, click.Command]]:
@@ -75,8 +75,8 @@ def test_verb___help_page___has_no_blanks_inside_a_sentence(verb: str, width: in
     for name, command in commands(verb, main.load(verb)):
         context = click.Context(command, info_name=name, max_content_width=width)
         context.terminal_width = width
-        told, _, _ = command.get_help(context).partition("\nOptions:")
-        _, *lines = told.split("\n\n", 1)[1].partition("Examples:")[0].splitlines()
+        reported, _, _ = command.get_help(context).partition("\nOptions:")
+        _, *lines = reported.split("\n\n", 1)[1].partition("Examples:")[0].splitlines()
         assert not [line for line in lines if re.search(r"\S {2,}\S", line)]
         assert not [line for line in lines if line.strip() and not re.match(r" {2}\S", line)]
         assert not command.get_short_help_str(60).endswith("...")
@@ -91,7 +91,7 @@ def test_verb_that_is_not_there___is_refused() -> None:
 
 
 @pytest.mark.parametrize(("misspelt", "verb"), [("demmo", "demo"), ("identfy", "identify")])
-def test_verb___misspelt___is_told_with_the_nearest(misspelt: str, verb: str) -> None:
+def test_verb___misspelt___is_reported_with_the_nearest(misspelt: str, verb: str) -> None:
     done = CliRunner().invoke(main, [misspelt])
     assert done.exit_code == 2
     assert f"No such command '{misspelt}'. Did you mean {verb}?" in done.output

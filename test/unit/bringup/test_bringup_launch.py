@@ -6,7 +6,7 @@ import ament_index_python.packages
 import pytest
 import yaml
 
-from support.launch_double import FILE, declared, launched, told
+from support.launch_double import FILE, declared, launched, reported
 
 SHARE = FILE.parents[1]
 SETTINGS = {"rate_hz", "rig", "law", "bag"}
@@ -179,7 +179,7 @@ def test_view___where_it_is_installed___shows_the_description_and_the_frames_of_
 
 
 def test_view___where_it_is_not_installed___says_so_and_starts_the_nodes() -> None:
-    (line,) = told({"view": "true"})
+    (line,) = reported({"view": "true"})
     assert line == "view:=true needs robot_state_publisher and rviz2: not installed here"
     assert len(launched({"view": "true"})[0]) == len(launched({})[0])
-    assert told({}) == []
+    assert reported({}) == []

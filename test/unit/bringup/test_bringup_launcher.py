@@ -145,7 +145,7 @@ def test_version___before_the_set_up___is_that_of_the_command(bare: Path) -> Non
         ("bench idnet", "no bench idnet (nearest: ident): ./flexarm bench --help"),
     ],
 )
-def test_wrong_word___before_the_set_up___is_told_and_installs_nothing(
+def test_wrong_word___before_the_set_up___is_reported_and_installs_nothing(
     bare: Path, arguments: str, said: str
 ) -> None:
     before = sorted(bare.rglob("*"))
@@ -278,10 +278,10 @@ def without_ros(bare: Path) -> dict[str, str]:
 def test_without_ros___needs_no_compiler_and_runs_the_verbs_from_the_sources(
     bare: Path, without_ros: dict[str, str]
 ) -> None:
-    told = called(bare, "--help", **without_ros).stdout
-    assert f"installs them in {bare}/.venv-none" in told
-    assert "has no ROS 2" in told
-    assert "./flexarm test" not in told
+    reported = called(bare, "--help", **without_ros).stdout
+    assert f"installs them in {bare}/.venv-none" in reported
+    assert "has no ROS 2" in reported
+    assert "./flexarm test" not in reported
 
     done = called(bare, "catalogue", "C_dat3", **without_ros)
     assert done.returncode == 0, done.stderr
@@ -342,7 +342,7 @@ def test_tools_of_test_and_docs___are_installed_for_the_first_verb_that_needs_th
     assert installed("docs") == installed("demo") == ""
 
 
-def test_python_without_headers___is_told_before_anything_is_installed(
+def test_python_without_headers___is_reported_before_anything_is_installed(
     bare: Path, with_ros: dict[str, str]
 ) -> None:
     python = Path(with_ros["python"])
@@ -369,7 +369,7 @@ def test_pinned_packages___come_by_uv_and_where_it_fails_by_pip(
     assert not list((bare / ".venv").glob("uv.*"))
 
 
-def test_platform_without_wheels_of_ros___is_set_up_without_ros_or_told(bare: Path) -> None:
+def test_platform_without_wheels_of_ros___is_set_up_without_ros_or_reported(bare: Path) -> None:
     platform = {"OSTYPE": "darwin23", "HOSTTYPE": "arm64"}
     assert "has no ROS 2" in called(bare, "--help", **platform).stdout
     refused = called(bare, "--help", **platform, FLEXARM_ROS="kilted")

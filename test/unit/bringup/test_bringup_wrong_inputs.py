@@ -131,7 +131,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("line", WRONG)
-def test_wrong_input___is_told_in_one_line(
+def test_wrong_input___is_reported_in_one_line(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -144,9 +144,11 @@ def test_wrong_input___is_told_in_one_line(
     done = CliRunner().invoke(main, arguments, prog_name="flexarm")
     assert done.exit_code in {1, 2}
     if isinstance(done.exception, FlexarmError):
-        told = [f"flexarm: {done.exception}"]  # the command prints it so
+        reported = [f"flexarm: {done.exception}"]  # the command prints it so
     else:
-        told = [text for text in done.output.splitlines() if text.startswith(("Error: ", "flex"))]
-    assert len(told) == 1
-    assert "\n" not in told[0]
-    assert [words for words in WRONG[line] if words not in told[0]] == []
+        reported = [
+            text for text in done.output.splitlines() if text.startswith(("Error: ", "flex"))
+        ]
+    assert len(reported) == 1
+    assert "\n" not in reported[0]
+    assert [words for words in WRONG[line] if words not in reported[0]] == []

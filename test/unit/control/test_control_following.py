@@ -52,8 +52,8 @@ def test_following___begins_at_its_first_sample_and_ends_at_the_goal() -> None:
     for time_s in (0.0, 0.5, 1.5):
         assert reference(followed, time_s, 0.0) == pytest.approx(0.25 * time_s)
         assert followed.ended is None
-    assert followed.told is not None
-    np.testing.assert_allclose(followed.told.error.positions, [0.375])
+    assert followed.feedback is not None
+    np.testing.assert_allclose(followed.feedback.error.positions, [0.375])
     assert reference(followed, 2.1, 0.0) == pytest.approx(0.5)
     assert followed.ended == ""
 

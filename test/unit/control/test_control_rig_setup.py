@@ -190,9 +190,9 @@ def test_loop___from_its_recorded_text_and_memory___gives_the_same_commands(
     loop.reset()
     for sample in samples[:middle]:
         loop.step(sample, (0.4, -0.2))
-    told = json.loads(json.dumps({name: list(each) for name, each in loop.memory().items()}))
+    reported = json.loads(json.dumps({name: list(each) for name, each in loop.memory().items()}))
     again = recorded_setup(parameters_in(setup.text)).loop()
-    again.remember(told)
+    again.remember(reported)
     replayed = [again.step(sample, (0.4, -0.2))[0] for sample in samples[middle:]]
     assert np.array(replayed).tobytes() == efforts[middle:].tobytes()
 
@@ -210,7 +210,7 @@ def test_controller___that_is_replaced___leaves_no_jump(
     np.testing.assert_allclose(loop.step(last, (0.5, -0.3))[0], before, atol=1e-12)
 
 
-def test_record___of_a_servo_on_the_thesis_arm___tells_what_a_replay_needs(tmp_path: Path) -> None:
+def test_record___of_a_servo_on_the_thesis_arm___says_what_a_replay_needs(tmp_path: Path) -> None:
     """Its text names the rig, so that the set-points stand in the memory, as on every other rig."""
     request = ServoRequest(("position_v",), {"command_v": 10.0}, bandwidth_hz=1.0)
     file = tmp_path / "controller.yaml"
@@ -220,10 +220,10 @@ def test_record___of_a_servo_on_the_thesis_arm___tells_what_a_replay_needs(tmp_p
         RigSetup.of(parameters(law="servo", **{"servo.controller": str(file)}), arm),
         RigSetup.of(parameters(law="pdpc"), arm),
     ]
-    told = [setup.told_memory(setup.loop(), (0.5,)) for setup in setups]
-    assert [memory.get("references") for memory in told] == [(0.5,), None]
+    reported = [setup.recorded_memory(setup.loop(), (0.5,)) for setup in setups]
+    assert [memory.get("references") for memory in reported] == [(0.5,), None]
     assert ["rig" in json.loads(setup.text) for setup in setups] == [True, False]
     # The record of the servo is read as one of a rig.
     again = recorded_setup(parameters_in(setups[0].text))
-    again.loop().remember(told[0])
+    again.loop().remember(reported[0])
     assert again.text == setups[0].text

@@ -43,7 +43,7 @@ def test_sample_rate___reset___forgets_what_was_before() -> None:
 
 
 @given(st.integers(-(2**62), 2**62))
-def test_sample_rate___clock_that_stands___tells_nothing(stamp_ns: int) -> None:
+def test_sample_rate___clock_that_stands___says_nothing(stamp_ns: int) -> None:
     assert rates_of([stamp_ns] * 130) == []
 
 

@@ -134,7 +134,7 @@ def test_error_of_a_library___is_cut_to_a_line() -> None:
     assert len(one_line(ValueError("9" * 1_000_000))) < 1100
 
 
-def test_error_of_the_system___is_told_without_its_number(tmp_path: Path) -> None:
+def test_error_of_the_system___is_reported_without_its_number(tmp_path: Path) -> None:
     gone = tmp_path / "gone"
     with pytest.raises(OSError) as caught:  # noqa: PT011 - its text is asserted
         gone.read_text()
@@ -147,7 +147,7 @@ def test_error_of_the_system___is_told_without_its_number(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(("beyond", "refused"), [(0, False), (4096, True)])
-def test_holes___up_to_what_is_allowed_and_a_block_more___are_told_apart(
+def test_holes___up_to_what_is_allowed_and_a_block_more___are_distinguished(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     beyond: int,

@@ -21,7 +21,7 @@ from flexarm_core.clock import nominal_rate_hz
         (0.0004, 10.0, 0.0004),
     ],
 )
-def test_nominal_rate___stamps_tell_another_or_not(
+def test_nominal_rate___stamps_say_another_or_not(
     rate_hz: float, periods: float, nominal_hz: float
 ) -> None:
     assert nominal_rate_hz(rate_hz, periods) == pytest.approx(nominal_hz, rel=1e-12)

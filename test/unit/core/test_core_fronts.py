@@ -41,7 +41,7 @@ def test_name___that_is_asked_for___loads_its_room(front: ModuleType) -> None:
     assert vars(front)["first"] == 1  # kept: asked for once
 
 
-def test_name___that_is_not_there___is_told(front: ModuleType) -> None:
+def test_name___that_is_not_there___is_reported(front: ModuleType) -> None:
     with pytest.raises(AttributeError, match="'front_of_a_test' has no attribute 'third'"):
         _ = front.third
     with pytest.raises(ImportError):

@@ -37,12 +37,12 @@ def test_with_deviation__value_alone___has_the_asked_decimals() -> None:
     assert with_deviation(0.05, None, decimals=4) == "0.0500"
 
 
-def test_with_deviation__any_deviation___is_told_within_five_percent() -> None:
+def test_with_deviation__any_deviation___is_reported_within_five_percent() -> None:
     rng = np.random.default_rng(1)
     for exponent in range(-300, 300):
         value, deviation = rng.uniform(-1e6, 1e6), rng.uniform(1.0, 10.0) * 10.0**exponent
-        shown, _, told = with_deviation(value, deviation).partition(" ± ")
-        assert float(told) == pytest.approx(deviation, rel=0.0501)
+        shown, _, reported = with_deviation(value, deviation).partition(" ± ")
+        assert float(reported) == pytest.approx(deviation, rel=0.0501)
         assert float(shown) == pytest.approx(value, rel=1e-8, abs=0.0501 * deviation)
 
 
@@ -92,5 +92,7 @@ def test_decay__eigenvalue_of_zero___is_over_after_one_sample(eigenvalue: comple
         (-0.5 + 0.1j, ""),
     ],
 )
-def test_decay__eigenvalue_that_changes_its_sign___is_told(eigenvalue: complex, said: str) -> None:
+def test_decay__eigenvalue_that_changes_its_sign___is_reported(
+    eigenvalue: complex, said: str
+) -> None:
     assert decay(complex(eigenvalue), 0.005) == said

@@ -20,7 +20,7 @@ def test_nearest_node___is_one_of_the_arm_that_was_named(name: str, near: str) -
 
 
 @pytest.mark.parametrize(
-    ("name", "known", "told"),
+    ("name", "known", "reported"),
     [
         ("kp", ["law", "pdpc.kp", "reference"], " (nearest: pdpc.kp)"),
         ("payload", ["seed", "payload_kg"], " (nearest: payload_kg)"),
@@ -31,9 +31,9 @@ def test_nearest_node___is_one_of_the_arm_that_was_named(name: str, near: str) -
     ],
 )
 def test_nearest___is_a_name_that_is_like_it___else_the_few_there_are(
-    name: str, known: list[str], told: str
+    name: str, known: list[str], reported: str
 ) -> None:
-    assert nearest(name, known) == told
+    assert nearest(name, known) == reported
 
 
 def test_nearest_node___of_an_empty_graph___is_none() -> None:

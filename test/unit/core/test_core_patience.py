@@ -30,7 +30,7 @@ def test_slowness___is_that_of_the_threads_on_a_core(
     assert slowness() == pytest.approx(times)
 
 
-def test_slowness___that_no_file_tells___is_that_of_the_last_minute(
+def test_slowness___that_no_file_says___is_that_of_the_last_minute(
     machine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert not machine.exists()

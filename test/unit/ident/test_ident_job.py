@@ -57,12 +57,12 @@ def names_in(folder: Path) -> set[str]:
     )
 )
 def test_whole___stages_in_any_order___never_goes_back(reports: list[tuple[str, float]]) -> None:
-    told: list[tuple[str, float]] = []
-    report = whole(lambda stage, done: told.append((stage, done)))
+    reported: list[tuple[str, float]] = []
+    report = whole(lambda stage, done: reported.append((stage, done)))
     for stage, fraction in reports:
         report(stage, fraction)
-    parts = [done for _, done in told]
-    assert [stage for stage, _ in told] == [stage for stage, _ in reports]
+    parts = [done for _, done in reported]
+    assert [stage for stage, _ in reported] == [stage for stage, _ in reports]
     assert parts == sorted(parts)
     assert (parts[0], parts[-1]) == (0.0, 1.0)
 
@@ -135,13 +135,13 @@ def test_model_name___bag___is_a_name_for_parameters(
 @pytest.mark.slow
 def test_identify_bags___two_bags___writes_one_model_with_its_origin(tmp_path: Path) -> None:
     bags = [a_bag(tmp_path / "first"), a_bag(tmp_path / "second", seed=2)]
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
     results = identify_bags(
         bags,
         tmp_path / "out" / "model",
         QUICK,
         exports=(".json", ".mat"),
-        progress=lambda *report: told.append(report),
+        progress=lambda *report: reported.append(report),
     )
 
     assert (model_in(tmp_path / "out"), model_in(results.folder)) == ("", "first")
@@ -165,8 +165,8 @@ def test_identify_bags___two_bags___writes_one_model_with_its_origin(tmp_path: P
     page = (results.folder / "report.html").read_text(encoding="utf-8")
     assert origin["hash"] in page
     assert "Written by the identification: model/model.yaml, model/model.json" in page
-    assert {stage for stage, _ in told} == set(STAGES) - {"order", "friction", "refinement"}
-    assert (told[0], told[-1]) == (("reading", 0.0), ("writing", 1.0))
+    assert {stage for stage, _ in reported} == set(STAGES) - {"order", "friction", "refinement"}
+    assert (reported[0], reported[-1]) == (("reading", 0.0), ("writing", 1.0))
 
 
 @pytest.mark.slow
@@ -245,7 +245,7 @@ def test_identify_bags___interrupted_at_any_stage___leaves_no_trace(
 
 
 def test_background___work___reports_in_order_and_returns() -> None:
-    told = threading.Semaphore(0)
+    reported = threading.Semaphore(0)
     reports = [("a", 0.0), ("a", 0.5), ("b", 1.0)]
 
     def work(report: Callable[[str, float], None]) -> int:
@@ -253,8 +253,8 @@ def test_background___work___reports_in_order_and_returns() -> None:
             report(*each)
         return threading.get_ident()
 
-    job = Background(work, notify=told.release, patience_s=60.0)
-    assert all(told.acquire(timeout=60.0) for _ in range(len(reports) + 1))
+    job = Background(work, notify=reported.release, patience_s=60.0)
+    assert all(reported.acquire(timeout=60.0) for _ in range(len(reports) + 1))
     assert job.ended
     assert list(job.progress()) == reports
     assert list(job.progress()) == []
@@ -345,15 +345,15 @@ def test_background___cancelled___stops_at_the_next_report() -> None:
     assert not after
 
 
-def test_background___that_does_not_stop___is_given_up_and_tells_it() -> None:
-    told, go_on, begun = threading.Event(), threading.Event(), threading.Event()
+def test_background___that_does_not_stop___is_given_up_and_says_it() -> None:
+    reported, go_on, begun = threading.Event(), threading.Event(), threading.Event()
     after: list[str] = []
     work = in_two_stages(begun, go_on, after)
-    job = Background(work, notify=told.set, patience_s=0.1)
+    job = Background(work, notify=reported.set, patience_s=0.1)
     assert begun.wait(60.0)
-    told.clear()
+    reported.clear()
     job.cancel()
-    assert told.wait(60.0)
+    assert reported.wait(60.0)
     assert job.ended
     with pytest.raises(Cancelled, match="cancelled in first, which does not stop and is left"):
         job.result()

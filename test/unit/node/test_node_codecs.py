@@ -42,10 +42,10 @@ def test_arm_of_the_thesis___has_messages_in_which_signals_have_names() -> None:
     assert codec.samples.unpack(serialize_message(message)) is None
     assert codec.samples.numbers(message) == sample
     command = Command(9, 3, (-1.0,), (0.25,), 2_000_000_001)
-    told = deserialize_message(codec.commands.pack(command), MotorCommand)
-    assert (told.effort_v, told.compensation_v) == (-1.0, 0.25)
-    assert (told.sequence, told.state_sequence) == (9, 3)
-    assert codec.commands.unpack(serialize_message(told)) == command
+    reported = deserialize_message(codec.commands.pack(command), MotorCommand)
+    assert (reported.effort_v, reported.compensation_v) == (-1.0, 0.25)
+    assert (reported.sequence, reported.state_sequence) == (9, 3)
+    assert codec.commands.unpack(serialize_message(reported)) == command
 
 
 def test_any_other_rig___has_arrays() -> None:
@@ -59,13 +59,13 @@ def test_any_other_rig___has_arrays() -> None:
     assert (list(message.compensations), message.command_sequence) == ([0.0, 0.25], 7)
     assert codec.samples.unpack(serialize_message(message)) == sample
     command = Command(9, 8, (-1.0, 0.5), (0.25, 0.0), 6)
-    told = deserialize_message(codec.commands.pack(command), IoCommand)
-    assert (list(told.efforts), list(told.compensations)) == ([-1.0, 0.5], [0.25, 0.0])
-    assert (told.sequence, told.sample_sequence) == (9, 8)
-    assert codec.commands.unpack(serialize_message(told)) == command
-    told.efforts = [1.0]
-    assert codec.commands.unpack(serialize_message(told)) is None
-    assert codec.commands.numbers(told) is None
+    reported = deserialize_message(codec.commands.pack(command), IoCommand)
+    assert (list(reported.efforts), list(reported.compensations)) == ([-1.0, 0.5], [0.25, 0.0])
+    assert (reported.sequence, reported.sample_sequence) == (9, 8)
+    assert codec.commands.unpack(serialize_message(reported)) == command
+    reported.efforts = [1.0]
+    assert codec.commands.unpack(serialize_message(reported)) is None
+    assert codec.commands.numbers(reported) is None
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_home___that_takes_no_files___gives_way_to_a_private_folder(
     assert folder.parent.stat().st_mode & 0o077 == 0
 
 
-def test_home___and_temporary_folder_that_take_none___are_told_in_a_line(
+def test_home___and_temporary_folder_that_take_none___are_reported_in_a_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("flexarm_core.own_files.gettempdir", lambda: NOWHERE)

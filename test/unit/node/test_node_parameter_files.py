@@ -110,7 +110,7 @@ def test_complaint___names_a_section_that_was_meant_for_the_node(
         ("\xff", "it is not text in UTF-8"),
     ],
 )
-def test_unreadable___file_of_parameters___tells_what_is_wrong_and_where(
+def test_unreadable___file_of_parameters___says_what_is_wrong_and_where(
     tmp_path: Path, text: str, wrong: str
 ) -> None:
     file = tmp_path / "parameters.yaml"

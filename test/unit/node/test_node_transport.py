@@ -110,7 +110,7 @@ def test_settings___profile_of_the_user___is_the_only_one(own: str, *, loop: boo
         ({}, "this node uses shared memory: one that joins late may stop the loop"),
     ],
 )
-def test_shared_memory___in_use___is_told_with_its_cause(
+def test_shared_memory___in_use___is_reported_with_its_cause(
     environment: dict[str, str], beginning: str
 ) -> None:
     maps = "7f00-7f10 rw-s 00000000 00:1a 5 /dev/shm/fastrtps_port7410\n"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_told = threading.Event()
+_stopped = threading.Event()
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def interruptible(*signals: signal.Signals) -> Iterator[None]:
         for each, handler in before.items():
             signal.signal(each, handler or signal.SIG_DFL)
         if _interrupt not in before.values():
-            _told.clear()
+            _stopped.clear()
 
 
 @contextmanager
@@ -55,7 +55,7 @@ def held_back(*signals: signal.Signals) -> Iterator[None]:
 
 def is_interrupted() -> bool:
     """Return whether a signal has come in the `interruptible` block that is running."""
-    return _told.is_set()
+    return _stopped.is_set()
 
 
 def check_interruption() -> None:
@@ -65,5 +65,5 @@ def check_interruption() -> None:
 
 
 def _interrupt(*_: object) -> None:
-    _told.set()
+    _stopped.set()
     raise KeyboardInterrupt

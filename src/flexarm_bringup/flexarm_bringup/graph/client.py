@@ -32,7 +32,7 @@ _HARMLESS = {GetState: _SOON_S, GetParameters: _SOON_S, Trigger: 0.5}
 time. What is triggered takes a while."""
 _ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
 """Long work and its node: a second question would be refused while the first is at work."""
-_TELLING_S = 5.0
+_REPORT_S = 5.0
 _POLL_S = 0.1
 _SERVICE_POLL_S = 0.02
 """A service that is discovered wakes nobody up."""
@@ -52,15 +52,15 @@ class Waiting:
     def __init__(self, what: str, longest_s: float) -> None:
         self._what = what
         self._patience = Patience(longest_s)
-        self._told_s = 0.0
+        self._reported_s = 0.0
 
     def look(self) -> None:
         """Tell of the wait now and then; raise a `LaunchError` when it has taken too long."""
         waited_s = self._patience.waited_s
         if self._patience.is_over:
             raise LaunchError(f"{self._what} did not come within {waited_s:.0f} s")
-        if self._what and waited_s > self._told_s + _TELLING_S:
-            self._told_s = waited_s
+        if self._what and waited_s > self._reported_s + _REPORT_S:
+            self._reported_s = waited_s
             terminal.CONSOLE.print(f"  waiting for {self._what}, {waited_s:.0f} s so far")
 
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 # The law answers in the same thread: nothing is ever waited for.
 _PATIENCE_S = 1.0
-_TELL_AGAIN_NS = _NS = 1_000_000_000
+_REPEAT_NS = _NS = 1_000_000_000
 _FRAME = "flexarm"
 _TYPES = {
     "commander": "flexarm_msgs/msg/CommanderInfo",
@@ -137,8 +137,8 @@ class _DirectLink:
         self._delay_ns = round(delay_s * 1e9)
         self._progress = progress
         self._start_ns = self._run_start_ns = 0
-        self._told_v: float | None = None
-        self._told_ns = 0
+        self._sent_v: float | None = None
+        self._sent_ns = 0
         self._answer: Command | None = None
         self._law = Handover(setup.law)
         self._law.reset()
@@ -156,7 +156,7 @@ class _DirectLink:
             )
         self._bag.add_state(record, taken_ns)
         reference_v = self._profile((taken_ns - self._run_start_ns) * 1e-9)
-        self._tell_reference(taken_ns, reference_v)
+        self._send_reference(taken_ns, reference_v)
         drive = DriveCommand(*record.commands, *record.compensations)
         effort_v, compensation_v = self._law.step(record.outputs.tolist(), reference_v, drive)
         self._answer = Command(
@@ -186,10 +186,10 @@ class _DirectLink:
     def spare_time(self) -> None:
         """Do nothing: nobody asks for figures."""
 
-    def _tell_reference(self, taken_ns: int, reference_v: float) -> None:
+    def _send_reference(self, taken_ns: int, reference_v: float) -> None:
         """Record the set-point when it has changed, and at intervals, as the controller does."""
-        if reference_v != self._told_v or taken_ns - self._told_ns >= _TELL_AGAIN_NS:
-            self._told_v, self._told_ns = reference_v, taken_ns
+        if reference_v != self._sent_v or taken_ns - self._sent_ns >= _REPEAT_NS:
+            self._sent_v, self._sent_ns = reference_v, taken_ns
             self._bag.add_reference(taken_ns, reference_v)
 
 

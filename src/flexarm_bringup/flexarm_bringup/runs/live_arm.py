@@ -126,7 +126,7 @@ class LiveArm:
 @contextmanager
 def live_arm(
     rig: RigDescription,
-    told: Mapping[str, Any],
+    given: Mapping[str, Any],
     folder: Path,
     *,
     pace: Pace,
@@ -141,7 +141,7 @@ def live_arm(
     ----------
     rig : RigDescription
         The arm.
-    told : mapping of str to value
+    given : mapping of str to value
         Parameters of the nodes that tell the arm.
     folder : Path
         Folder of the bags and of the nodes' log.
@@ -158,9 +158,9 @@ def live_arm(
     """
     pace.prepare()
     parameters: dict[str, dict[str, Any]] = {
-        "daq": {"seed": seed, **pace.parameters(), **told},
-        "experiment": dict(told),
-        "controller": dict(told),
+        "daq": {"seed": seed, **pace.parameters(), **given},
+        "experiment": dict(given),
+        "controller": dict(given),
     }
     if not is_thesis_arm(rig):
         parameters["controller"]["law"] = "pd"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from flexarm_core.errors import SettingError
-from flexarm_core.own_modules import failed_line, own_module, told
+from flexarm_core.own_modules import error_text, failed_line, own_module
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -103,7 +103,9 @@ def _try_out(file: str, row: Row) -> None:
             _answer_at_rest(law)
     except Exception as error:
         where = failed_line(error, Path(file))
-        raise SettingError(f"{start} does not answer at rest{where}: {told(error)}") from error
+        raise SettingError(
+            f"{start} does not answer at rest{where}: {error_text(error)}"
+        ) from error
     if lacking:
         raise SettingError(f"{start} has no method {', '.join(lacking)}")
 

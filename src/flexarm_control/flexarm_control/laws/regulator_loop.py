@@ -94,12 +94,12 @@ def closed_loop(design: IlqrDesign, model: control.StateSpace) -> control.StateS
     from flexarm_ident.models.state_space import state_space  # noqa: PLC0415
 
     law = controller_model(design)
-    measured, told = law.B[:, : len(OUTPUTS)], law.B[:, len(OUTPUTS) :]
-    now, told_now = law.D[:, : len(OUTPUTS)], law.D[:, len(OUTPUTS) :]
+    measured, referred = law.B[:, : len(OUTPUTS)], law.B[:, len(OUTPUTS) :]
+    now, referred_now = law.D[:, : len(OUTPUTS)], law.D[:, len(OUTPUTS) :]
     A, B, C = model.A, model.B, model.C
     return state_space(
         np.block([[A + B @ now @ C, B @ law.C], [measured @ C, law.A]]),
-        np.vstack([B @ told_now, told]),
+        np.vstack([B @ referred_now, referred]),
         np.hstack([C, np.zeros((len(OUTPUTS), law.nstates))]),
         0.0,
         float(model.dt),

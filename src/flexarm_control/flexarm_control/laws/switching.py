@@ -40,7 +40,7 @@ class Handover:
     """
 
     def __init__(self, law: LawWithMemory, rounding_v: float = 0.0) -> None:
-        self.law, self._tell = law, hearing(law)
+        self.law, self._inform = law, hearing(law)
         self._rounding_v = rounding_v
         self._forget()
 
@@ -53,7 +53,7 @@ class Handover:
     def replace(self, law: LawWithMemory) -> None:
         """Take another law from the next sample on; the same law again changes nothing."""
         if law is not self.law:
-            self.law, self._tell = law, hearing(law)
+            self.law, self._inform = law, hearing(law)
             self._is_new, self._has_asked = True, False
 
     def step(
@@ -69,7 +69,7 @@ class Handover:
             Command in force while the sample was taken; by default the last answer.
         """
         if drive is None or not isfinite(drive.command_v - drive.compensation_v):
-            self._tell(0.0, 0.0)
+            self._inform(0.0, 0.0)
         else:
             self._hear(drive)
         answer = self.law.step(volts, reference_v)
@@ -97,10 +97,10 @@ class Handover:
         if not is_late:
             self._command_v = command_v
         if not self._has_asked:
-            self._tell(0.0, 0.0)
+            self._inform(0.0, 0.0)
             return
         sent_v = asked.effort_v if is_sent else command_v - drive.compensation_v
-        self._tell(sent_v - self._own_v, 0.0 if is_late else asked.effort_v - sent_v)
+        self._inform(sent_v - self._own_v, 0.0 if is_late else asked.effort_v - sent_v)
 
     def reset(self) -> None:
         """Return to the state before the first sample."""

@@ -149,20 +149,20 @@ def differing(recorded: FloatArray, recomputed: FloatArray, tolerance_v: float) 
 class _Law:
     """Law and reference from one place of the record on."""
 
-    def __init__(self, told: LawRecord, setup: Setup) -> None:
+    def __init__(self, recorded: LawRecord, setup: Setup) -> None:
         self.setup = setup
-        self._reference_v = told.reference_v
-        self._run_start_ns = told.stamp_ns - told.run_time_ns
+        self._reference_v = recorded.reference_v
+        self._run_start_ns = recorded.stamp_ns - recorded.run_time_ns
         self._handover = Handover(setup.law)
-        self._hears = ASKED in told.memory
+        self._hears = ASKED in recorded.memory
         known = dict(self._handover.memory())
         if not self._hears:
             del known[ASKED]
-        if _sizes(told.memory) != _sizes(known):
+        if _sizes(recorded.memory) != _sizes(known):
             raise SettingError(
                 f"the recorded memory of law {setup.law_spec.name} is that of another version"
             )
-        self._handover.remember(told.memory)
+        self._handover.remember(recorded.memory)
 
     def answer(
         self, volts: Sequence[float], stamp_ns: int, in_force: Sequence[float]
@@ -177,15 +177,15 @@ class _Law:
 class _RigLaw:
     """Laws and references of any other rig from one place of the record on."""
 
-    def __init__(self, told: LawRecord, setup: RigSetup) -> None:
+    def __init__(self, recorded: LawRecord, setup: RigSetup) -> None:
         self.setup = setup
-        self._run_start_ns = told.stamp_ns - told.run_time_ns
+        self._run_start_ns = recorded.stamp_ns - recorded.run_time_ns
         self._loop = setup.loop()
         known = {**self._loop.memory(), REFERENCES: setup.tracks}
-        if _sizes(told.memory) != {name: len(group) for name, group in known.items()}:
+        if _sizes(recorded.memory) != {name: len(group) for name, group in known.items()}:
             raise SettingError(f"the recorded memory of law {setup.law} is that of another version")
-        self._references = tuple(told.memory[REFERENCES])
-        self._loop.remember(told.memory)
+        self._references = tuple(recorded.memory[REFERENCES])
+        self._loop.remember(recorded.memory)
 
     def answer(
         self, outputs: Sequence[float], stamp_ns: int, in_force: Sequence[float]
@@ -211,7 +211,7 @@ def _answers(record: LoopRecord) -> tuple[FloatArray, list[tuple[int, str]]]:
     """
     answers: FloatArray = np.full_like(record.answers, np.nan)
     changes: list[tuple[int, str]] = []
-    told_at = {(law.stamp_ns, law.command_sequence): law for law in record.laws}
+    recorded_at = {(law.stamp_ns, law.command_sequence): law for law in record.laws}
     law: _Law | _RigLaw | None = None
     before: LawRecord | None = None
     last = NOT_RECORDED
@@ -224,26 +224,26 @@ def _answers(record: LoopRecord) -> tuple[FloatArray, list[tuple[int, str]]]:
         if sample == NOT_RECORDED:
             continue
         stamp_ns = int(record.stamps_ns[sample])
-        told = told_at.get((stamp_ns, number))
-        if told is not None:
-            same = before is not None and told.parameters == before.parameters
+        recorded = recorded_at.get((stamp_ns, number))
+        if recorded is not None:
+            same = before is not None and recorded.parameters == before.parameters
             if before is not None:
-                changes += [(row, text) for text in _changes(before, told)]
-            law = _law_of(told, law if same else None)
-            before = told
+                changes += [(row, text) for text in _changes(before, recorded)]
+            law = _law_of(recorded, law if same else None)
+            before = recorded
         if law is not None:
             in_force = record.drive[sample].tolist()
             answers[row] = law.answer(record.volts[sample].tolist(), stamp_ns, in_force)
     return answers, changes
 
 
-def _law_of(told: LawRecord, same: _Law | _RigLaw | None) -> _Law | _RigLaw:
+def _law_of(recorded: LawRecord, same: _Law | _RigLaw | None) -> _Law | _RigLaw:
     """Return the published law; the setup of one with the same parameters is built already."""
-    if RIG not in told.parameters:
-        setup = same.setup if isinstance(same, _Law) else Setup.of(told.parameters)
-        return _Law(told, setup)
-    rig_setup = same.setup if isinstance(same, _RigLaw) else recorded_setup(told.parameters)
-    return _RigLaw(told, rig_setup)
+    if RIG not in recorded.parameters:
+        setup = same.setup if isinstance(same, _Law) else Setup.of(recorded.parameters)
+        return _Law(recorded, setup)
+    rig_setup = same.setup if isinstance(same, _RigLaw) else recorded_setup(recorded.parameters)
+    return _RigLaw(recorded, rig_setup)
 
 
 def _changes(before: LawRecord, after: LawRecord) -> Iterator[str]:

@@ -66,7 +66,7 @@ def step_figures(step: StepResult) -> dict[str, float | None]:
     }
 
 
-def told(design: ServoDesign) -> list[str]:
+def summary_lines(design: ServoDesign) -> list[str]:
     """Return a design in a few lines."""
     gains, (model, worst) = design.gains, design.choice.worst
     place = f"with {model}, at {worst.frequency_hz:.3g} Hz, {worst.place}"
@@ -110,7 +110,7 @@ def report(design: ServoDesign) -> str:
         ],
         "Loop": [Plots((("", _loop(design)),), wide=True)],
     }
-    return render_page(title, [sentence(line) for line in told(design)], parts)
+    return render_page(title, [sentence(line) for line in summary_lines(design)], parts)
 
 
 def _margins(design: ServoDesign) -> Table:

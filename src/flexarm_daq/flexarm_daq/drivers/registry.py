@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from flexarm_core.channels import COMMAND, is_thesis_arm
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.nearest import nearest
-from flexarm_core.own_modules import failed_line, own_module, told
+from flexarm_core.own_modules import error_text, failed_line, own_module
 from flexarm_core.yaml_sections import sections_of
 from flexarm_daq.drivers.mujoco.arm import MujocoSettings
 from flexarm_daq.drivers.mujoco.rig import MujocoRig
@@ -139,7 +139,7 @@ def _driven(rig: RigDescription, folder: Path) -> Rig:
     except Exception as error:
         raise SettingError(
             f"driver {rig.driver}{failed_line(error, path)}: settings "
-            f"{', '.join(rig.settings) or '(none)'} do not make it: {told(error)}"
+            f"{', '.join(rig.settings) or '(none)'} do not make it: {error_text(error)}"
         ) from error
     require_methods(made)
     return made
@@ -187,4 +187,6 @@ def _installed(driver: str) -> Any:  # noqa: ANN401 - a class of another package
     try:
         return found[driver].load()
     except Exception as error:
-        raise SettingError(f"driver {driver} of {found[driver].value}: {told(error)}") from error
+        raise SettingError(
+            f"driver {driver} of {found[driver].value}: {error_text(error)}"
+        ) from error

@@ -89,7 +89,7 @@ class TipRig:
     def open(self) -> None:
         """Start at rest in the middle of the travel, at time zero; see `Rig.open`."""
         self._rig.open()
-        self._told = LateReadings(self._settings)
+        self._late = LateReadings(self._settings)
         self._before = 0.0, 0.0
 
     def read(self) -> RigSample:
@@ -101,7 +101,7 @@ class TipRig:
         acceleration = gained / (time_s - before_s) if time_s > before_s else 0.0
         self._before = time_s, speed_rad_per_s
         readings = np.array([*volts, angle_rad, acceleration])[self._places]
-        return RigSample(time_s, self._told(time_s, readings))
+        return RigSample(time_s, self._late(time_s, readings))
 
     def write(self, commands: Sequence[float]) -> None:
         """Command the drive; see `Rig.write`."""

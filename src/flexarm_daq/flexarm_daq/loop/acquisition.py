@@ -47,7 +47,7 @@ _SPARE_S = 3e-4
 _STOP_POLL_S = 0.05
 # A rate that is off shows when the times differ by more than the jitter.
 _OFF_S = 0.01
-_TELLING_S = 1.0
+_REPORT_S = 1.0
 _CLOCKS = ("the machine's clock", "the rig's clock")
 
 
@@ -135,7 +135,7 @@ class Acquisition(Exchange):
         wanted_s = (self.sequence - 1) * self._period_s
         allowed_s = max(OFF_RATE * wanted_s, _OFF_S + 2.0 * self._period_s)
         for clock, passed_s in zip(_CLOCKS, self._passed_s(), strict=True):
-            if wanted_s >= _TELLING_S and not abs(passed_s - wanted_s) <= allowed_s:
+            if wanted_s >= _REPORT_S and not abs(passed_s - wanted_s) <= allowed_s:
                 rate_hz = self._rate_hz * wanted_s / passed_s
                 return f"{rate_hz:.1f} Hz by {clock}, for rate_hz = {self._rate_hz:g}"
         return ""

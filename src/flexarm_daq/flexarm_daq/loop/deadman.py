@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 # Work that takes too long is noticed so much later at most.
 _SLACK_S = 5e-3
 _POLL_S = 1e-2
-_TELLING_S = 1.0
+_REPORT_S = 1.0
 _END_S = 1.0
 _CLOCK_MONOTONIC = 1
 _TFD_CLOEXEC = 0o2000000
@@ -83,16 +83,16 @@ class Deadman:
         Longest time that such work may take, s.
     release : callable
         Takes the drive to zero.
-    tell : callable
+    report : callable
         Called in the second thread with the time that it has taken, s, once a second.
     """
 
     def __init__(
-        self, longest_s: float, release: Callable[[], None], tell: Callable[[float], None]
+        self, longest_s: float, release: Callable[[], None], report: Callable[[float], None]
     ) -> None:
         self._longest_s = longest_s
         self._release = release
-        self._tell = tell
+        self._report = report
         self._lock = threading.Lock()
         self._since_s = math.inf
         self._set_s = -math.inf
@@ -133,7 +133,7 @@ class Deadman:
         return released
 
     def _watch(self) -> None:
-        told_s = -math.inf
+        reported_s = -math.inf
         while True:
             self._timer.wait()
             if self._is_ending:
@@ -146,6 +146,6 @@ class Deadman:
                     self._release()
                 if passed_s > 0.0:
                     self._timer.set(_POLL_S)
-            if passed_s > _TELLING_S and now_s - told_s > _TELLING_S:
-                told_s = now_s
-                self._tell(passed_s)
+            if passed_s > _REPORT_S and now_s - reported_s > _REPORT_S:
+                reported_s = now_s
+                self._report(passed_s)

@@ -247,10 +247,10 @@ class SensorCheck:
     ) -> str:
         rates = (self._last[pair.rate], readings[pair.rate])
         ends = self._ranges[pair.rate]
-        can_tell = interval_s <= self._max_gap_s and all(
+        is_comparable = interval_s <= self._max_gap_s and all(
             ends.saturated_low < rate < ends.saturated_high for rate in rates
         )
-        if not can_tell:
+        if not is_comparable:
             self._drift_rad[number] = 0.0
             return ""
         turned_rad = pair.angle_to_si(readings[pair.angle] - self._last[pair.angle])

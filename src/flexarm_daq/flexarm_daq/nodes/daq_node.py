@@ -98,7 +98,7 @@ class DaqNode(LoopNode):
             cli_args=cli_args,
         )
         self._handover = handover
-        self._tell_pace(self.parameters.values())
+        self._report_pace(self.parameters.values())
         self._rig: Rig | None = None
         self.create_service(Trigger, "emergency_stop", self._on_emergency_stop)
         self.start_if_asked()
@@ -138,7 +138,7 @@ class DaqNode(LoopNode):
         watchdog = Watchdog(1.0 / values["rate_hz"], age_periods)
         deadman = None
         if self._handover is not None and not virtual:
-            deadman = Deadman(watchdog.longest_answer_s, rig.safe_stop, self._tell_held_up)
+            deadman = Deadman(watchdog.longest_answer_s, rig.safe_stop, self._report_held_up)
         self._acquisition = Acquisition(
             rig,
             gate,
@@ -183,7 +183,7 @@ class DaqNode(LoopNode):
         """Return the stamp of the newest sample; see `LoopNode.sampled_ns`."""
         return self._link.newest_ns
 
-    def _tell_held_up(self, passed_s: float) -> None:
+    def _report_held_up(self, passed_s: float) -> None:
         """Report in the place of the loop's thread, which the law has not left."""
         self.report_beside(
             f"the controller has delayed the sampling for {passed_s:.0f} s: the drive is at zero"
@@ -249,12 +249,12 @@ class DaqNode(LoopNode):
         }
         yield {"commanders": ", ".join(self._link.commanders())}
         for name, window in (("late", acquisition.late_s), ("reply", acquisition.reply_s)):
-            told = window.percentiles()
+            late = window.percentiles()
             yield {
-                f"{name} p50 ms": f"{1e3 * told.p50:.3f}",
-                f"{name} p99 ms": f"{1e3 * told.p99:.3f}",
-                f"{name} p999 ms": f"{1e3 * told.p999:.3f}",
-                f"{name} max ms": f"{1e3 * told.maximum:.3f}",
+                f"{name} p50 ms": f"{1e3 * late.p50:.3f}",
+                f"{name} p99 ms": f"{1e3 * late.p99:.3f}",
+                f"{name} p999 ms": f"{1e3 * late.p999:.3f}",
+                f"{name} max ms": f"{1e3 * late.maximum:.3f}",
             }
             yield {f"{name} histogram": " ".join(map(str, window.histogram()))}
 
@@ -277,13 +277,13 @@ class DaqNode(LoopNode):
 
     def _on_changed(self, values: Mapping[str, Any]) -> None:
         """Take the limits and the payload at once."""
-        self._tell_pace(values)
+        self._report_pace(values)
         if self._acquisition is not None:
             self._acquisition.limit(self._gate(values).limits)
         if isinstance(self._rig, SimulatedRig):
             self._rig.change_payload(values["payload_kg"])
 
-    def _tell_pace(self, values: Mapping[str, Any]) -> None:
+    def _report_pace(self, values: Mapping[str, Any]) -> None:
         """Tell a commander in the same process whether samples wait for it."""
         if self._handover is not None:
             self._handover.waits = is_virtual(values)

@@ -119,7 +119,7 @@ class PlayerNode(Node):
                     continue
                 if not self._pacer.wait_for(due_s):
                     break
-                self._tell_time(start_ns + round(due_s * 1e9) if stand_ins else time_ns)
+                self._report_time(start_ns + round(due_s * 1e9) if stand_ins else time_ns)
                 stand_in = stand_ins.get(topic)
                 publisher.publish(raw if stand_in is None else stand_in.sample(raw, due_s))
                 count += 1
@@ -129,7 +129,7 @@ class PlayerNode(Node):
         self.get_logger().info(f"played {count} message{'s' * (count != 1)}")
         request_stop()
 
-    def _tell_time(self, time_ns: int) -> None:
+    def _report_time(self, time_ns: int) -> None:
         if self._clock is not None:
             now = Clock()
             set_stamp(now.clock, time_ns)

@@ -86,7 +86,7 @@ class RecorderNode(Node):
         self._recording = Recording(
             resolved, self._in_force, quiet_s=self._settings.values()["quiet_s"]
         )
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         if self._settings.values()["snapshot_mode"]:
             self.create_service(Trigger, "~/snapshot", self._on_snapshot)
         self._requests: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = (
@@ -235,12 +235,12 @@ class RecorderNode(Node):
         for number, topic in enumerate(self._topics):
             for info in self.get_publishers_info_by_topic(topic.name):
                 said = _mismatch(info, topic)
-                if not said or said in self._told:
+                if not said or said in self._reported:
                     continue
-                self._told.add(said)
+                self._reported.add(said)
                 self.get_logger().warning(f"{topic.name}: {said}")
-                if is_best_effort(info.qos_profile) and topic.name not in self._told:
-                    self._told.add(topic.name)
+                if is_best_effort(info.qos_profile) and topic.name not in self._reported:
+                    self._reported.add(topic.name)
                     self._waiter.also(number, SEEN)
 
     def _silence(self, writer: BagWriter) -> list[str]:

@@ -88,7 +88,7 @@ class TopicLink:
         self._virtual = virtual
         self.newest_ns = 0
         self.newest_outputs = ()
-        self._tell_rig()
+        self._publish_rig()
         if not (virtual and clock):
             self._release_clock()
         elif self._clock is None:
@@ -216,7 +216,7 @@ class TopicLink:
         )
         self._joint_states.publish(joint)
 
-    def _tell_rig(self) -> None:
+    def _publish_rig(self) -> None:
         """Publish what the signals mean, for recorders and latecomers."""
         rig = self._node.description
         info = ChannelInfo(

@@ -97,7 +97,7 @@ class LateReadings:
         due_s += _ROUNDING
         while len(self._taken) > 1 and self._taken[1][0] <= due_s.min():
             self._taken.popleft()
-        told = self._taken[0][1].copy()
+        read = self._taken[0][1].copy()
         for taken_s, readings in self._taken:
-            told = np.where(taken_s <= due_s, readings, told)
-        return told
+            read = np.where(taken_s <= due_s, readings, read)
+        return read

@@ -81,7 +81,7 @@ class RandomStarts:
             )
         order = [*self._arm.positions, *elastic]
         motion = np.concatenate([place[order], speed[order]])
-        return np.where(self._problem.untold(part), 0.0, motion)
+        return np.where(self._problem.undetermined(part), 0.0, motion)
 
     def _spread(self, scale: FloatArray, low: float, high: float) -> FloatArray:
         return np.asarray(scale * np.exp(self._rng.uniform(low, high, len(scale))))

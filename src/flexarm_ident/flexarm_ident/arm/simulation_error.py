@@ -134,7 +134,7 @@ class SimulationError:
         for i, part in enumerate(self.parts):
             start = self._start(i)
             d_x0 = arm.initial_state_slopes(theta, theta[start])
-            d_x0[:, own + np.flatnonzero(self.untold(part))] = 0.0
+            d_x0[:, own + np.flatnonzero(self.undetermined(part))] = 0.0
             try:
                 x, d_x = run_sensitivity(
                     *(A, B, arm.speed, laws, *self._driven(theta, i)),
@@ -158,7 +158,7 @@ class SimulationError:
         part = self.parts[record]
         return part.u - self.arm.offsets(theta), part.sizes, self.initial_state(theta, record)
 
-    def untold(self, part: Part) -> BoolArray:
+    def undetermined(self, part: Part) -> BoolArray:
         """Return which first coordinates and speeds nothing determines, (motions,)."""
         driven = np.zeros(self.arm.inputs, dtype=np.bool_)
         dead = part.weight[0, list(self.arm.elastic)] == 0.0

@@ -2,7 +2,7 @@
 
 A record is cut into segments. Each is predicted one step ahead by a model of the other segments on
 its side of a cut, and by a model of those on the other side. While nothing changes, the two models
-are as good, and which is better is chance, from segment to segment. A change is told by the
+are as good, and which is better is chance, from segment to segment. A change shows in the
 logarithm of the ratio of both errors, whose mean over the segments exceeds zero by more than its
 scatter allows.
 Chow, "Tests of equality between sets of coefficients in two linear regressions", Econometrica 28
@@ -234,22 +234,22 @@ def _worse(loss: float) -> str:
     )
 
 
-def _strongest(matrices: FloatArray, known: list[int], told: list[int]) -> _Change:
+def _strongest(matrices: FloatArray, known: list[int], predicted: list[int]) -> _Change:
     """Return the cut across which the prediction of some rows from others loses most certainly."""
     count = len(matrices)
     tried = []
     for place in _CUTS:
         middle = round(place * count)
-        loss, p_value = _evidence(matrices, known, told, np.arange(count) < middle)
+        loss, p_value = _evidence(matrices, known, predicted, np.arange(count) < middle)
         tried.append(_Change(middle, loss, min(1.0, len(_CUTS) * p_value)))
     return min(tried, key=lambda each: each.p_value)
 
 
 def _evidence(
-    matrices: FloatArray, known: list[int], told: list[int], sides: BoolArray
+    matrices: FloatArray, known: list[int], predicted: list[int], sides: BoolArray
 ) -> tuple[float, float]:
     """Return the loss across two sides, of the row that shows most, and its chance."""
-    loss = _losses(matrices, known, told, sides)
+    loss = _losses(matrices, known, predicted, sides)
     # The models of the two sides lose differently: each side has its own mean.
     parts = loss[sides], loss[~sides]
     mean = np.mean([part.mean(axis=0) for part in parts], axis=0)
@@ -260,18 +260,18 @@ def _evidence(
         len(matrices) - 2, -mean / np.where(scatter > 0.0, scatter, np.inf)
     )
     row = int(np.argmin(p_values))
-    return float(np.expm1(0.5 * mean[row])), min(1.0, float(len(told) * p_values[row]))
+    return float(np.expm1(0.5 * mean[row])), min(1.0, float(len(predicted) * p_values[row]))
 
 
 def _losses(
-    matrices: FloatArray, known: list[int], told: list[int], sides: BoolArray
+    matrices: FloatArray, known: list[int], predicted: list[int], sides: BoolArray
 ) -> FloatArray:
     """Return the logarithms of the error power by the other side's model over that by the own.
 
-    There is one for each segment and each row that is told, (segments, told).
+    There is one for each segment and each row that is predicted, (segments, predicted).
     """
-    known_known, crossed = matrices[:, known][:, :, known], matrices[:, known][:, :, told]
-    total = matrices[:, told, told]
+    known_known, crossed = matrices[:, known][:, :, known], matrices[:, known][:, :, predicted]
+    total = matrices[:, predicted, predicted]
     rounding = _SMALLEST_ERROR * total.mean(axis=0)
     rounding[rounding == 0.0] = 1.0
     # Per segment, the sums over its own side without itself, and over the other side.
@@ -287,7 +287,7 @@ def _losses(
 
 
 def _models(known: FloatArray, crossed: FloatArray) -> FloatArray:
-    """Return the coefficients of predictions, (segments, known, told)."""
+    """Return the coefficients of predictions, (segments, known, predicted)."""
     scale = np.sqrt(np.diagonal(known, axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
     unit = known / (scale[:, :, np.newaxis] * scale[:, np.newaxis])

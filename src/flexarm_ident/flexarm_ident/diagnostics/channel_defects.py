@@ -11,7 +11,7 @@ from flexarm_core.arrays import runs
 from flexarm_core.labels import counted, instant
 from flexarm_ident.diagnostics.check import Check, each_record, each_whole
 from flexarm_ident.records.data_warning import LOST_SAMPLES, Grade, Kind
-from flexarm_ident.records.holes import holes_told
+from flexarm_ident.records.holes import holes_text
 from flexarm_ident.records.signals import (
     CONSTANT_SHARE,
     FEW_LEVELS,
@@ -184,7 +184,7 @@ def unmeasured(record: IoData) -> Iterator[DataWarning]:
             alike.setdefault(missing.tobytes(), []).append(name)
     for names in alike.values():
         missing = record.missing[:, record.outputs.index(names[0])]
-        text, figures = holes_told(missing, record.dt_s)
+        text, figures = holes_text(missing, record.dt_s)
         channel = names[0] if len(names) == 1 else ""
         yield LOST_SAMPLES(f"{', '.join(names)}: {text}", figures, channel=channel)
 

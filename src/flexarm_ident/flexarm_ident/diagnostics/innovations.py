@@ -43,9 +43,9 @@ def innovations_of(record: IoData) -> Innovations | None:
     if len(u) < _FEWEST:
         return None
     past = shifted(y, 1)
-    told = np.hstack([past, y[MEMORY:], shifted(u, 1)])
+    given = np.hstack([past, y[MEMORY:], shifted(u, 1)])
     later = slice(rows.start + MEMORY, rows.stop)
-    return Innovations(later, remainder(past, y[MEMORY:]), remainder(told, u[MEMORY:]))
+    return Innovations(later, remainder(past, y[MEMORY:]), remainder(given, u[MEMORY:]))
 
 
 def longest(record: IoData) -> slice:

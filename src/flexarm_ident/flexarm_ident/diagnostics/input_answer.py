@@ -55,8 +55,8 @@ _GRADUAL = 8
 _DEVIATIONS = 3.0
 # The input of the same row explains so much of an output's power, and the past of both no more than
 # chance, or so little: a slow output under a slow input looks alike, but its own past explains it.
-_TOLD_AT_ONCE = 0.5
-_TOLD_LATER = 1e-4
+_EXPLAINED_AT_ONCE = 0.5
+_EXPLAINED_LATER = 1e-4
 # An answer is denied only where it would hardly be missed: a twentieth of the power shows in 99 of
 # 100 records of so many samples, and chance looks like an answer in 3 of 100.
 _FEWEST = 2000
@@ -111,11 +111,13 @@ def static_outputs(record: IoData) -> dict[str, float]:
     now, past = u[MEMORY:], np.hstack([shifted(u, 0), shifted(y, 1)])
     at_once, later = _left(now, y[MEMORY:]), _left(past, y[MEMORY:])
     # An input that seldom changes shows no dynamics: the changes have to be explained as well.
-    told = np.maximum(at_once, _left(np.diff(u, axis=0), np.diff(y, axis=0)))
-    is_told = told < 1.0 - _TOLD_AT_ONCE
+    unexplained = np.maximum(at_once, _left(np.diff(u, axis=0), np.diff(y, axis=0)))
+    is_explained = unexplained < 1.0 - _EXPLAINED_AT_ONCE
     chance = scipy.special.chdtri(past.shape[1], _ANSWER_CHANCE) / len(past)
-    is_static = at_once - later < np.maximum(_TOLD_LATER, chance * later)
-    return {record.outputs[i]: float(1.0 - at_once[i]) for i in np.flatnonzero(is_told & is_static)}
+    is_static = at_once - later < np.maximum(_EXPLAINED_LATER, chance * later)
+    return {
+        record.outputs[i]: float(1.0 - at_once[i]) for i in np.flatnonzero(is_explained & is_static)
+    }
 
 
 def _left(known: FloatArray, signals: FloatArray) -> FloatArray:
@@ -173,7 +175,7 @@ def _unanswered(
         if name not in static
         and constant_share(y) <= CONSTANT_SHARE
         and not _is_correlated(innovations.outputs[:, i], fresh)
-        and _slowly_told(record.u, y) < _SLOW_SHARE
+        and _slowly_explained(record.u, y) < _SLOW_SHARE
     ]
     welch = spectra([record]) if silent else None
     if welch is None:
@@ -182,7 +184,7 @@ def _unanswered(
     for i in silent:
         name = record.outputs[i]
         if np.any(welch.coherence[:, i] > chance):
-            if welch.explained[i] > _TOLD_AT_ONCE and (answering := _answering(record, i)):
+            if welch.explained[i] > _EXPLAINED_AT_ONCE and (answering := _answering(record, i)):
                 yield _NO_ANSWER(
                     f"{name} responds to no input, but {', '.join(answering)} to {name}: exchange "
                     "input and output where their names are the wrong way round",
@@ -229,7 +231,7 @@ def _is_correlated(e: FloatArray, fresh: FloatArray) -> bool:
     return bool(power.max() > single or near.sum() > joint)
 
 
-def _slowly_told(u: FloatArray, y: FloatArray) -> float:
+def _slowly_explained(u: FloatArray, y: FloatArray) -> float:
     """Return the share of an output's power that a regression on the smoothed inputs explains."""
     smooth = [scipy.signal.lfilter([1.0], [1.0, -a], centred(u), axis=0) for a in _SMOOTHING]
     signal = centred(y[:, np.newaxis])

@@ -45,13 +45,13 @@ def outliers(record: IoData) -> Iterator[DataWarning]:
     """Yield the channels of a record that have outliers, with their number and size."""
     explained = _answered(record)
     for name, y in zip(record.outputs, record.y.T, strict=True):
-        yield from _told(record, name, y, _jumps(y, explained))
+        yield from _warnings(record, name, y, _jumps(y, explained))
     for name, u in zip(record.inputs, record.u.T, strict=True):
         rows = _strays(u)
-        yield from _told(record, name, u, rows[~_replied(record, rows)])
+        yield from _warnings(record, name, u, rows[~_replied(record, rows)])
 
 
-def _told(
+def _warnings(
     record: IoData, name: str, x: FloatArray, rows: NDArray[np.intp]
 ) -> Iterator[DataWarning]:
     if not len(rows):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
 
-# Figure of the notices of changes that a bag of our own rig reports, see `reading.told_changes`.
+# Figure of the notices of changes in a bag of our own rig, see `reading.recorded_changes`.
 _AT = "at_s"
 
 
@@ -72,19 +72,19 @@ def assess(
         if _AT not in each.figures
     ]
     found += [each for check in checks() for each in check.detector(data)]
-    told, inexact = [], set()
+    repeated, inexact = [], set()
     for name, parts in data.wholes:
-        here = list(_told(parts))
-        told += [replace(each, record=name) for each in here]
+        here = list(_warnings(parts))
+        repeated += [replace(each, record=name) for each in here]
         # What a bag reports of a change is exact, and what the signals show of it is not.
         inexact |= {
             (data.names[part.label], each.code, each.grade) for part in parts for each in here
         }
     kept = (each for each in found if (each.record, each.code, each.grade) not in inexact)
-    return (*kept, *told)
+    return (*kept, *repeated)
 
 
-def _told(parts: Sequence[IoData]) -> Iterator[DataWarning]:
+def _warnings(parts: Sequence[IoData]) -> Iterator[DataWarning]:
     """Yield the changes that a bag reports within the parts of a record, or in a hole between them.
 
     The notices are those of the whole record, of which this may be a span.

@@ -196,10 +196,10 @@ def missed_shares(
         _causes(record, y, closed=reached if record.closed_loop is None else record.closed_loop)
         for record, y in zip(records, simulated, strict=True)
     ]
-    told = [pair for pair in pairs if pair is not None]
+    known = [pair for pair in pairs if pair is not None]
     with np.errstate(over="ignore", invalid="ignore"):
         found = (
-            spectra([cause for cause, _ in told], [error for _, error in told]) if told else None
+            spectra([cause for cause, _ in known], [error for _, error in known]) if known else None
         )
     return np.full(len(records[0].outputs), np.nan) if found is None else found.explained
 

@@ -84,7 +84,7 @@ def without_bias(source: Source) -> Part:
     prepared = preprocess(first, zero_mean=())
     bias = first.y[0] - prepared.y[0]
     # An offset of an input stays.
-    told = [
+    notices = [
         each for each in prepared.notices[len(first.notices) :] if each.channel in source.outputs
     ]
     total, count = np.zeros(len(source.outputs)), 0
@@ -93,7 +93,7 @@ def without_bias(source: Source) -> Part:
         count += int(np.count_nonzero(~np.isnan(y[:, 0])))
     gauges = np.isin(source.outputs, ZERO_MEAN_OUTPUTS)
     part = Part(source, len(source), np.where(gauges, total / max(count, 1), bias))
-    part.notices = (*source.notices, *told)
+    part.notices = (*source.notices, *notices)
     return part
 
 

@@ -103,15 +103,15 @@ def minimise(
     return best
 
 
-def steps_told(progress: Progress | None, stage: str, steps: int) -> Callable[[], None]:
+def step_reporter(progress: Progress | None, stage: str, steps: int) -> Callable[[], None]:
     """Return a callback for each step of a search; it reports the part of `steps` done."""
     done = count()
 
-    def tell() -> None:
+    def report() -> None:
         if progress is not None:
             progress(stage, min(1.0, next(done) / steps))
 
-    return tell
+    return report
 
 
 def _finite(equations: Normal) -> bool:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.fitting.blas import one_thread
-from flexarm_ident.fitting.levenberg_marquardt import steps_told
+from flexarm_ident.fitting.levenberg_marquardt import step_reporter
 from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import is_defective, modal_form
@@ -88,7 +88,7 @@ def refine_model(
     if is_defective(modal_form(model).vectors) or not np.isfinite(before).all():
         return unchanged
     problem = ModalError(model, records, relative_weights(records))
-    on_step = steps_told(progress, "refinement", iterations)
+    on_step = step_reporter(progress, "refinement", iterations)
     found = problem.minimised(problem.pack(x0), iterations=iterations, on_step=on_step)
     if not np.isfinite(found.cost):
         return unchanged

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.fitting.levenberg_marquardt import Minimum, steps_told
+from flexarm_ident.fitting.levenberg_marquardt import Minimum, step_reporter
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs
 from flexarm_ident.fitting.validation import relative_errors
 from flexarm_ident.friction.dry_friction import DryFriction, Yielding, simulate_with_friction
@@ -129,8 +129,8 @@ def fit_joints(
         for found in _compared(starts, leading, drives, levels, weight)
         if found.problem.has_friction(found.minimum)
     ]
-    told = steps_told(progress, "friction", _TRIED * len(_STEPS))
-    tried = [_freed(found, leading, told) for found in compared[:_TRIED]]
+    report = step_reporter(progress, "friction", _TRIED * len(_STEPS))
+    tried = [_freed(found, leading, report) for found in compared[:_TRIED]]
     if not tried:
         return None
     best = min(tried, key=lambda found: found.cost)
@@ -194,14 +194,14 @@ def _compared(
     return sorted(found, key=lambda each: (max(each.cost, _WORTH * least), each.problem.n))
 
 
-def _freed(start: _Found, leading: IoData, told: Callable[[], None]) -> _Found:
+def _freed(start: _Found, leading: IoData, report: Callable[[], None]) -> _Found:
     """Return the parameters whose free simulation is the best on the way to no guidance."""
     problem, best = start.problem, start._replace(cost=np.inf)
     theta = start.minimum.theta
     for part in _STEPS[_COMPARED - 1 :]:
         problem.record = leading.head(_SHORT_SAMPLES) if part > _SHORT else leading
         minimum = problem.guided_minimum(problem.integrate(theta), part)
-        told()
+        report()
         theta, samples = minimum.theta, problem.record.y.size
         problem.record = leading
         misfit = problem.misfit(theta)
@@ -210,7 +210,7 @@ def _freed(start: _Found, leading: IoData, told: Callable[[], None]) -> _Found:
         if not minimum.cost <= _LOST**2 * samples:
             break
     found = problem.free_minimum(best.minimum.theta)
-    told()
+    report()
     misfit = problem.misfit(found.theta)
     return _Found(problem, found, misfit) if misfit < best.cost else best
 

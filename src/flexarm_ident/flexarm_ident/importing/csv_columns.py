@@ -14,7 +14,7 @@ from flexarm_core.labels import TIME_UNIT_ENDING, TIME_UNITS_S, named_twice, tim
 from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_clock import is_clock, nanoseconds_of
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
-from flexarm_ident.importing.csv_table import columns_told, read_table, table_layout
+from flexarm_ident.importing.csv_table import columns_text, read_table, table_layout
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,7 +76,7 @@ def named_columns(path: Path, asked: TableColumns) -> CsvMap:
     names = layout.names
     there = shorten(", ".join(names), _LONGEST)
     inputs, outputs = asked.inputs, asked.outputs
-    column, unit, rate_hz = _told_time(asked.times, names)
+    column, unit, rate_hz = _named_time(asked.times, names)
     if asked.output_only:
         others = (name for name in names if name not in {column, *_times(layout)})
         outputs = outputs or tuple(others)
@@ -114,7 +114,7 @@ def guessed_columns(
         If the file cannot be read, or no column is called a command.
     """
     layout = table_layout(path)
-    column, *_ = _told_time(times, layout.names)
+    column, *_ = _named_time(times, layout.names)
     taken = {column, *_times(layout), *(text.rpartition("=")[2] for text in (*inputs, *outputs))}
     free = [name for name in layout.names if name and name not in taken]
     commands = [name for name in free if _COMMAND.fullmatch(_ENDING.sub("", name))]
@@ -122,12 +122,12 @@ def guessed_columns(
     if not found:
         raise CsvImportError(
             f"{path}: no column is called a command, such as torque or u: name it with --input; "
-            f"{columns_told(layout)}"
+            f"{columns_text(layout)}"
         )
     return found, tuple(outputs or [name for name in free if name not in found])
 
 
-def _told_time(times: Sequence[str], names: Sequence[str]) -> tuple[str, str, float | None]:
+def _named_time(times: Sequence[str], names: Sequence[str]) -> tuple[str, str, float | None]:
     """Return the column and its unit, each empty where none is given, and the rate."""
     column, unit, rate_hz = "", "", None
     for text in times:
@@ -155,7 +155,7 @@ def _only_time(path: Path, layout: Layout, taken: set[str]) -> str:
     )
     raise CsvImportError(
         f"{path}: {problem}: say --time COLUMN, --time COLUMN:us or --time 200Hz, or write a map "
-        f"with time: COLUMN or rate_hz: NUMBER, and give it as --map; {columns_told(layout)}"
+        f"with time: COLUMN or rate_hz: NUMBER, and give it as --map; {columns_text(layout)}"
     )
 
 
@@ -187,7 +187,7 @@ def other_clocks(path: Path, mapping: CsvMap, layout: Layout) -> tuple[str, ...]
     """
     if mapping.time is None:
         return ()
-    told = []
+    chosen = []
     for name in layout.names:
         if name in (mapping.time, *mapping.columns()) or not _CLOCK.fullmatch(name):
             continue
@@ -201,23 +201,23 @@ def other_clocks(path: Path, mapping: CsvMap, layout: Layout) -> tuple[str, ...]
                 continue
             slope_s = (times_s[-1] - times_s[0]) / (own[-1] - own[0])
             if not any(abs(slope_s / unit - 1.0) < _SAME_RATE for unit in TIME_UNITS_S.values()):
-                told.append(name)
+                chosen.append(name)
     return tuple(
         f"column {name} is a clock of another rate than {mapping.time}: what it belongs to was "
         "sampled at other instants than those of the rows; make a file of each device"
-        for name in told
+        for name in chosen
     )
 
 
 def with_units(mapping: CsvMap, layout: Layout) -> CsvMap:
     """Return a map with the units that the file gives for channels which have none."""
 
-    def told(channels: tuple[CsvChannel, ...]) -> tuple[CsvChannel, ...]:
+    def chosen(channels: tuple[CsvChannel, ...]) -> tuple[CsvChannel, ...]:
         return tuple(
             replace(each, unit=each.unit or file_unit(each.column, layout)) for each in channels
         )
 
-    return replace(mapping, inputs=told(mapping.inputs), outputs=told(mapping.outputs))
+    return replace(mapping, inputs=chosen(mapping.inputs), outputs=chosen(mapping.outputs))
 
 
 def file_unit(column: str, layout: Layout) -> str:
@@ -238,13 +238,13 @@ def _times(layout: Layout) -> list[str]:
         # A date is in another column than the time of the day.
         and not (is_clock(cells.get(name, "")) and not set(":T") & set(cells[name]))
     ]
-    told = named or [
+    chosen = named or [
         name
         for name in layout.names
         if (":" in cells.get(name, "") and is_clock(cells[name]))
         or ((unit := layout.unit(name)) and time_unit_s(f"t [{unit.strip('()[] ')}]"))
     ]
-    return told or [name for name in layout.names if _HAS_TIME.fullmatch(name)]
+    return chosen or [name for name in layout.names if _HAS_TIME.fullmatch(name)]
 
 
 def _channel(text: str, names: Sequence[str]) -> CsvChannel:

@@ -106,12 +106,12 @@ def import_csv(
     mapping = record.mapping
     digest = _hash(csv_path)
     resampling = f"rows resampled to {mapping.rate_hz:g} Hz" if mapping.resamples else ""
-    told = (mapping.description, f"{csv_path.name} sha256:{digest}", resampling)
+    parts = (mapping.description, f"{csv_path.name} sha256:{digest}", resampling)
     definitions = {
         name: describe(typestore, f"flexarm_msgs/msg/{name}", folder_of)
         for name in ("IoSample", "ChannelInfo")
     }
-    _write(bag_path, typestore, definitions, record, source="; ".join(filter(None, told)))
+    _write(bag_path, typestore, definitions, record, source="; ".join(filter(None, parts)))
     rows, last = len(record.inputs), int(record.sampling.places[-1])
     return ImportSummary(
         bag_path,

@@ -111,8 +111,8 @@ class Layout:
         unit = self.unit(name).strip("()[] ")
         inside = (f"t [{each}]" for each in re.findall(r"[\[(](\w+)[\])]", name))
         # A column of a counter may have its unit for a name, as micros.
-        told = (name, f"t [{unit}]" if unit else "", f"t [{name}]", *inside)
-        return next(filter(None, map(time_unit_s, told)), None)
+        unique = (name, f"t [{unit}]" if unit else "", f"t [{name}]", *inside)
+        return next(filter(None, map(time_unit_s, unique)), None)
 
     def rows(self, lines: Iterable[str], first: int) -> Iterator[tuple[int, list[str]]]:
         """Return the cells of lines with the number of each, the first of them being given."""
@@ -380,7 +380,7 @@ def _named(
             times = sum(map(bool, map(_TIME_NAME.fullmatch, cells)))
             if 0 < times < len(cells) - 1 and not any(map(is_value, cells)):
                 return cells, units
-            if named is None or _tells_more(cells, named[0]):
+            if named is None or _says_more(cells, named[0]):
                 named = cells, units
         elif len(cells) == width - 1 and len(cells) > 1 and not (named or units):
             # Names of rows have no name themselves.
@@ -401,7 +401,7 @@ def _is_of_head(table: Mapping[int, Sequence[str]], first: int, usual: Sequence[
     return not usual[0].strip() and all(map(NAME.fullmatch, block))
 
 
-def _tells_more(cells: Sequence[str], named: Sequence[str]) -> bool:
+def _says_more(cells: Sequence[str], named: Sequence[str]) -> bool:
     """Return whether a line has more different words than names that come again and again."""
     return len(set(cells)) > len(set(named)) and not any(map(is_value, cells))
 
@@ -453,8 +453,8 @@ def _header_alone(head: Sequence[str], encoding: str) -> Layout:
 def _once(names: Sequence[str]) -> list[str]:
     """Return names, those that come twice with their number."""
     times, seen = Counter(names), Counter[str]()
-    told = []
+    unique = []
     for name in names:
         seen[name] += 1
-        told.append(f"{name}#{seen[name]}" if name and times[name] > 1 else name)
-    return told
+        unique.append(f"{name}#{seen[name]}" if name and times[name] > 1 else name)
+    return unique

@@ -75,13 +75,13 @@ class CsvMap:
 def unit_notes(mapping: CsvMap) -> tuple[str, ...]:
     """Return which units of a map no report will show, as they are not those of the names."""
     channels = [each for each in (*mapping.inputs, *mapping.outputs) if each.unit]
-    told = [(each, unit_ending(each.unit), label_and_unit(each.name)[1]) for each in channels]
+    units = [(each, unit_ending(each.unit), label_and_unit(each.name)[1]) for each in channels]
     notes = [
         f"{each.name} is in {each.unit} by the map and in {own} by its name, which reports go by"
-        for each, ending, own in told
+        for each, ending, own in units
         if own and not (ending == unit_ending(own) or re.match(rf"{own}(?!\w)", each.unit))
     ]
-    silent = [(each.name, ending) for each, ending, own in told if not own]
+    silent = [(each.name, ending) for each, ending, own in units if not own]
     if silent:
         names = ", ".join(name for name, _ in silent)
         example = next((f", as {name}{ending}" for name, ending in silent if ending), "")

@@ -80,24 +80,24 @@ def to_numbers(
 def _number(row: Sequence[str], column: Column, mark: str, where: str, found: Rows) -> float:
     """Return the number in a cell, NaN where nothing was measured."""
     cell = row[column.place].strip() if column.place < len(row) else ""
-    where, told = f"{where}, column {column.name}", ""
+    where, complaint = f"{where}, column {column.name}", ""
     try:
         value = np.nan if cell.lower() in MISSING else _value(cell, column, mark)
     except ValueError:
         value = np.nan
         advice = "write it with a point" if "," in cell and mark != "," else "correct it"
         advice = "close its quotation marks" if "\n" in cell else advice
-        told = f"{where}: {shown(cell)} is not a number: {advice}"
+        complaint = f"{where}: {shown(cell)} is not a number: {advice}"
     is_infinite = np.isinf(value)
     if is_infinite:
         value = np.nan
         advice = column.advice or "empty the cell where nothing was measured"
-        told = f"{where}: {cell} is not finite; {advice}"
-    if told and (column.advice or not (is_word(cell) or is_infinite)):
-        raise CsvImportError(told)
-    if told:
+        complaint = f"{where}: {cell} is not finite; {advice}"
+    if complaint and (column.advice or not (is_word(cell) or is_infinite)):
+        raise CsvImportError(complaint)
+    if complaint:
         found.words_of.setdefault(column.name, Counter())[cell] += 1
-        found.unread.setdefault(column.name, told)
+        found.unread.setdefault(column.name, complaint)
     if np.isnan(value) and column.advice:
         problem = f"{cell} is not a number" if cell else "empty cell"
         found.lacking.setdefault(column.name, f"{where}: {problem}; {column.advice}")
@@ -122,8 +122,8 @@ def word_notes(found: Rows, rows: int) -> Iterator[str]:
         if 2 * words.total() >= rows:
             raise CsvImportError(found.unread[name])
         which = ", ".join(map(shown, list(words)[:_SHOWN]))
-        told = f"column {name} has {which} in {counted(words.total(), 'row')}"
-        yield f"{told}: taken as not measured"
+        complaint = f"column {name} has {which} in {counted(words.total(), 'row')}"
+        yield f"{complaint}: taken as not measured"
 
 
 def without_stand_ins(
@@ -143,16 +143,16 @@ def without_stand_ins(
         with np.errstate(over="ignore"):
             stand_ins = list(_stand_ins(cells))
         for off in stand_ins:
-            told = (
+            complaint = (
                 f"column {column.name} is {cells[off][0]:g} in {counted(int(off.sum()), 'row')}, "
                 "far off all others"
             )
             if column.advice:
                 raise CsvImportError(
-                    f"{path}: {told}, as a number that stands for none; {column.advice}"
+                    f"{path}: {complaint}, as a number that stands for none; {column.advice}"
                 )
             cells[off] = np.nan
-            notes.append(f"{told}: taken as not measured")
+            notes.append(f"{complaint}: taken as not measured")
         if turn := _unsigned(cells):
             cells[cells >= 0.5 * turn] -= turn
             notes.append(

@@ -75,7 +75,7 @@ class CsvTable:
         Lines that are left out, with the reason.
     own_instants : bool
         Each column has its own rows, as in an export of several topics; NaN is not a sample.
-    unit_told : bool
+    unit_given : bool
         Something gives the unit of the times, which are in s here; else it was taken for that.
     """
 
@@ -85,7 +85,7 @@ class CsvTable:
     places: NDArray[np.int64]
     cut: tuple[str, ...] = ()
     own_instants: bool = False
-    unit_told: bool = True
+    unit_given: bool = True
 
 
 def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> CsvTable:
@@ -129,7 +129,7 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
     own_instants = mapping.time is not None and _have_own_rows(known[:, 1:], len(mapping.inputs))
     if found.lacking and not (own_instants and mapping.time not in found.lacking):
         raise CsvImportError(next(iter(found.lacking.values())))
-    unit_told = True
+    unit_given = True
     if mapping.time is not None:
         time, following = columns[:2]
         unit_s = TIME_UNITS_S[mapping.time_unit] if mapping.time_unit else layout.unit_s(time.name)
@@ -137,10 +137,10 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
         values, unit_s, is_turned = in_seconds(
             values, cell, unit_s, has_nanoseconds=following.is_time
         )
-        unit_told = unit_s is not None
+        unit_given = unit_s is not None
         if is_turned:
             found.notes.append(f"column {time.name} is a counter that begins anew: counted on")
-    table = CsvTable(path, values, lines_read, places, _told(found), own_instants, unit_told)
+    table = CsvTable(path, values, lines_read, places, _complaints(found), own_instants, unit_given)
     return table if own_instants else _cut(table, columns)
 
 
@@ -276,7 +276,7 @@ def _has_words_for(times: Sequence[int], cells: Sequence[str]) -> bool:
     return any(NAME.fullmatch(cell) and is_word(cell) for cell in there if not is_value(cell))
 
 
-def _told(found: Rows) -> tuple[str, ...]:
+def _complaints(found: Rows) -> tuple[str, ...]:
     """Return the lines that are not rows."""
     notes = [*found.notes]
     if found.short:
@@ -357,10 +357,10 @@ def _columns(layout: Layout, mapping: CsvMap, path: Path) -> list[Column]:
     header = layout.names
     wanted = mapping.columns()
     if doubled := [name for name in wanted if f"{name}#2" in header]:
-        raise CsvImportError(f"{path}: more than one column {doubled[0]}; {columns_told(layout)}")
+        raise CsvImportError(f"{path}: more than one column {doubled[0]}; {columns_text(layout)}")
     if missing := [name or shown(name) for name in wanted if name not in header]:
         which = f"no column{'s' * (len(missing) > 1)} {', '.join(missing)}"
-        raise CsvImportError(f"{path}: {which}; {columns_told(layout)}")
+        raise CsvImportError(f"{path}: {which}; {columns_text(layout)}")
     # Where rows have no time, none can be left out.
     how = "empty all cells of the row" if mapping.time is None else "take the line out"
     otherwise = f", or {how}: that makes a hole"
@@ -378,7 +378,7 @@ def _columns(layout: Layout, mapping: CsvMap, path: Path) -> list[Column]:
     ]
 
 
-def columns_told(layout: Layout) -> str:
+def columns_text(layout: Layout) -> str:
     """Return the columns that there are."""
     alone = (
         ""

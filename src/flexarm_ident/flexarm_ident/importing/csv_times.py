@@ -30,7 +30,7 @@ _LONG_HOLE = 5.0
 _A_DIGIT, _TWO_DIGITS = 1.01, 2.01
 _MOST_DIGITS, _WHOLE = 7, 0.02
 # Nobody is asked for the unit of a few rows.
-_FEWEST_TOLD = 50
+_FEWEST = 50
 # Rigs are sampled below the first rate. Rates above the second need no question, those below the
 # third are asked about, and motors are not sampled below the last.
 _FASTEST_HZ, _FAST_HZ, _SLOW_HZ, _SLOW_MOTOR_HZ = 1e5, 10.0, 1.0, 0.5
@@ -165,7 +165,7 @@ def unit_question(
     CsvImportError
         If they are hardly s.
     """
-    if table.unit_told or rate_hz > _FAST_HZ or len(table.values) < _FEWEST_TOLD:
+    if table.unit_given or rate_hz > _FAST_HZ or len(table.values) < _FEWEST:
         return ()
     words = " ".join(names)
     fits = [
@@ -175,7 +175,7 @@ def unit_question(
     ]
     likely = " or ".join(fits or _SMALLER_S)
     lasts_s = float(np.ptp(table.values[:, 0]))
-    told = (
+    advice = (
         f"column {column} gives {rate_hz:.4g} Hz over {_duration(lasts_s)} if its times are in s; "
         f"are they in {likely}? State it: --time '{column}:{fits[0] if fits else 'ms'}' or "
         f"--time '{column}:s' (time_unit in a map)"
@@ -183,8 +183,8 @@ def unit_question(
     is_slow_plant = _SLOW_PLANT.search(words) is not None
     is_fast_plant = _FAST_PLANT.search(words) is not None and rate_hz < _SLOW_MOTOR_HZ
     if not is_slow_plant and (is_fast_plant or (fits and not _is_chosen(1.0 / rate_hz))):
-        raise CsvImportError(f"{table.path}: {told}")
-    return () if is_slow_plant or rate_hz >= _SLOW_HZ else (told,)
+        raise CsvImportError(f"{table.path}: {advice}")
+    return () if is_slow_plant or rate_hz >= _SLOW_HZ else (advice,)
 
 
 def _is_round(rate_hz: float) -> bool:
@@ -268,26 +268,29 @@ def refuse_backwards(table: CsvTable, column: str, steps_s: FloatArray) -> None:
     times_s, line = table.values[:, 0], table.lines[first + 1]
     parts = "make a file of each part, and give them together"
     if first > 0 and times_s[first + 1] < times_s[1]:
-        told = "begins anew: make a file of each run, and give them together"
+        advice = "begins anew: make a file of each run, and give them together"
     elif first == 0 and np.all(steps_s[1:] > 0.0):
-        told, line = "has another time in its first row than in those below: take it out", line - 1
+        advice, line = (
+            "has another time in its first row than in those below: take it out",
+            line - 1,
+        )
     elif np.all(steps_s < 0.0):
-        told = "does not increase: sort the rows by it, as they run backwards"
+        advice = "does not increase: sort the rows by it, as they run backwards"
     elif _FEW_JUMPS + _FEW_EQUAL * len(steps_s) < np.count_nonzero(steps_s == 0.0) < len(steps_s):
         even_hz = (len(steps_s) + 1) / float(np.ptp(times_s))
-        told = (
+        advice = (
             f"has the same time in many rows: where they come in packets or times have too few "
             f"digits, give their rate ({even_hz:.3g} Hz on average) as --time 200Hz; where rows "
             "are doubled, keep one of each"
         )
     elif np.all(steps_s != 0.0) and np.count_nonzero(steps_s < 0.0) <= _FEW_JUMPS:
-        told = f"goes back by {-steps_s[first]:.4g} s, as a clock that was set: {parts}"
+        advice = f"goes back by {-steps_s[first]:.4g} s, as a clock that was set: {parts}"
     else:
-        told = (
+        advice = (
             "does not increase: sort the rows, keep one of those with the same time, or name the "
             "column of the time"
         )
-    raise CsvImportError(f"{table.path}, line {line}: column {column} {told}")
+    raise CsvImportError(f"{table.path}, line {line}: column {column} {advice}")
 
 
 def _remedy(usual_s: float) -> str:

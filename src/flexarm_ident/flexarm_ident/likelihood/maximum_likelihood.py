@@ -22,7 +22,7 @@ import numpy as np
 import scipy
 
 from flexarm_ident.diagnostics.uncertainty import ResponseUncertainty
-from flexarm_ident.fitting.levenberg_marquardt import steps_told
+from flexarm_ident.fitting.levenberg_marquardt import step_reporter
 from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.fitting.modal_parameters import PoleForm
 from flexarm_ident.fitting.output_fit import fit_initial_states
@@ -158,7 +158,7 @@ def maximise_likelihood(
         return None
     if is_defective(modal_form(model).vectors):
         return None
-    on_step = steps_told(progress, "refinement", 3 * _ITERATIONS)
+    on_step = step_reporter(progress, "refinement", 3 * _ITERATIONS)
     problem = _problem(model, records)
     theta = problem.start(x0)
     problem.settle(theta)

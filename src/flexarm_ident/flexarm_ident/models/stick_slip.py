@@ -241,7 +241,7 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
     d_laws: FloatArray,
     d_u: FloatArray,
     d_x0: FloatArray,
-    told: NDArray[np.intp],
+    wanted: NDArray[np.intp],
 ) -> tuple[FloatArray, FloatArray]:
     """Step a model and the derivatives of its states with respect to parameters.
 
@@ -259,14 +259,14 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
         Derivative of a constant part of the inputs.
     d_x0 : ndarray, (states, parameters)
         Derivative of the initial state.
-    told : ndarray of int, (told states,)
+    wanted : ndarray of int, (wanted states,)
         States whose derivatives are wanted.
 
     Returns
     -------
     ndarray, (samples, states)
         States.
-    ndarray, (samples, told states, parameters)
+    ndarray, (samples, wanted states, parameters)
         Derivatives of those that are wanted.
 
     Raises
@@ -282,15 +282,15 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
     if np.any(laws > 0.0):
         inverse[:] = np.linalg.inv(gain)
     d_A_rows, d_B_rows = rows_of(d_A), rows_of(d_B)
-    d_x = np.empty((samples, len(told), parameters))
+    d_x = np.empty((samples, len(wanted), parameters))
     now, ahead = d_x0.copy(), np.empty((states, parameters))
     for start in range(0, samples, _TOGETHER):
         rows = slice(start, min(start + _TOGETHER, samples))
         # What A and B themselves change, of many samples at once.
         direct = np.dot(x[rows], d_A_rows) + np.dot(u[rows] - forces[rows], d_B_rows)
         for k in range(rows.start, rows.stop):
-            for i in range(len(told)):
-                d_x[k, i] = now[told[i]]
+            for i in range(len(wanted)):
+                d_x[k, i] = now[wanted[i]]
             ahead[:] = steady
             for i in range(states):
                 for p in range(first):

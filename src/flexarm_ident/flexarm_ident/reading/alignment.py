@@ -142,7 +142,7 @@ class Alignment:
         reference: Recorded | None = None,
         tracked: Sequence[str] = (),
         declared: Sequence[bool] = (),
-        told: Sequence[DataWarning] = (),
+        changes: Sequence[DataWarning] = (),
     ) -> BagReading:
         """Return the whole record in memory; for our own rig with compensation and reference.
 
@@ -157,7 +157,7 @@ class Alignment:
             Outputs that set-points are for, as of `IoData`.
         declared : sequence of bool
             As in `loop_kind`.
-        told : sequence of DataWarning
+        changes : sequence of DataWarning
             What the bag says of the run besides.
 
         Raises
@@ -176,7 +176,7 @@ class Alignment:
         if reference is not None and len(reference):
             log_times_ns = samples.log_times_ns[self.table.run.messages][self.table.grid.kept]
             followed = _references(reference, self.table, log_times_ns)
-        notices = (*header.notices, *told)
+        notices = (*header.notices, *changes)
         width = len(header.inputs)
         data = header.record(
             *(u[:, :width], y),
@@ -351,8 +351,8 @@ def _answers(pieces: Iterable[Recorded], numbers: NDArray[np.int64], kind: _Comm
         answered = piece.integer(kind.answered)
         within = np.searchsorted(numbers[:, 0], answered, side="right") - 1
         asked = (within >= 0) & (answered < numbers[within.clip(min=0), 1])
-        told = np.column_stack([piece.integer("sequence"), answered, piece.log_times_ns])
-        integers.append(told[asked])
+        changes = np.column_stack([piece.integer("sequence"), answered, piece.log_times_ns])
+        integers.append(changes[asked])
         compensations = piece.real(kind.compensation).reshape(len(piece), -1)
         commands = piece.real(kind.effort).reshape(len(piece), -1) + compensations
         both = np.hstack([commands, compensations]).clip(-kind.reach, kind.reach)

@@ -219,10 +219,10 @@ def _track(bag: Bag, field: Field, found: Grouped, clock: str) -> Track:
         raise BagError(f"{bag.path}: {error}") from error
 
 
-def _turned(signal: Track, told: float | None) -> tuple[Track, Wrap]:
+def _turned(signal: Track, turn: float | None) -> tuple[Track, Wrap]:
     """Return an output with its turns counted, and its wrap."""
     rows = [(np.zeros((len(signal.values), 1)), signal.values[:, np.newaxis])]
-    wraps = found_wraps(rows, told)
+    wraps = found_wraps(rows, turn)
     ((_, values),) = unwrapped(rows, wraps)
     return replace(signal, values=values[:, 0]), wraps[0]
 

@@ -28,8 +28,8 @@ from flexarm_core.rig_description import described
 from flexarm_ident.reading.alignment import arm_alignment, io_alignment
 from flexarm_ident.reading.channels import selected
 from flexarm_ident.reading.fields import number_fields, numbers_in
+from flexarm_ident.reading.recorded_changes import recorded_changes
 from flexarm_ident.reading.stream import BagStream
-from flexarm_ident.reading.told_changes import told_changes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -87,7 +87,7 @@ def read_bag_report(
             reference=reference,
             tracked=tracked,
             declared=bag.declared_loops(chosen),
-            told=told_changes(bag, chosen, samples, aligned.table),
+            changes=recorded_changes(bag, chosen, samples, aligned.table),
         )
 
 
@@ -149,7 +149,7 @@ def begin_date(uri: Path | str) -> str:
     return begun.isoformat() if begun.year >= _FIRST_ROS_YEAR else ""
 
 
-def signals_told(uri: Path | str) -> str:
+def signals_text(uri: Path | str) -> str:
     """Return in one line which signals a bag has to be named, and which it has by itself.
 
     Raises
@@ -158,17 +158,17 @@ def signals_told(uri: Path | str) -> str:
         If the bag is missing or damaged.
     """
     with opened(Path(uri)) as bag:
-        told = f"{bag.path} has {numbers_in(bag)}"
+        text = f"{bag.path} has {numbers_in(bag)}"
         topics = [topic for topic, kind in bag.types.items() if kind == IO_SAMPLE]
         infos = [bag.channels(sibling(topic, "io_channels")) for topic in sorted(topics)]
     for info in filter(None, infos):
         names = f"{', '.join(info.inputs)} -> {', '.join(info.outputs)}"
-        told += f"; without --input and --output it is read as {names}"
-    return told
+        text += f"; without --input and --output it is read as {names}"
+    return text
 
 
 def fields_of(uri: Path | str) -> list[str]:
-    """Return every number of a bag, as `channels.selection` takes it; errors as `signals_told`."""
+    """Return every number of a bag, as `channels.selection` takes it; errors as `signals_text`."""
     with opened(Path(uri)) as bag:
         return number_fields(bag)
 

@@ -10,7 +10,7 @@ import numpy as np
 from flexarm_core.labels import counted, instant
 from flexarm_ident.reading.grid import LATEST
 from flexarm_ident.records.data_warning import LOST_SAMPLES, PARTIAL_RECORD, SAMPLING, Grade
-from flexarm_ident.records.holes import holes_told
+from flexarm_ident.records.holes import holes_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -83,7 +83,7 @@ def _restarted(run: Run, messages: int) -> tuple[DataWarning, ...]:
 def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
     if not grid.missing.any():
         return ()
-    text, figures = holes_told(grid.missing, grid.period_s, lost=grid.lost)
+    text, figures = holes_text(grid.missing, grid.period_s, lost=grid.lost)
     for pause_s in grid.pauses_s:
         text += (
             f"; a pause of {pause_s:.6g} s counts as one of {grid.samples * grid.period_s:.6g} s"

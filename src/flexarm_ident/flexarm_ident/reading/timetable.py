@@ -232,25 +232,25 @@ def _inside_holes(
     holes = np.flatnonzero(np.diff(grid.instants) > _HOLE)
     if answers is None or not len(holes):
         return Changes(np.empty(0), np.empty((0, 0))), unheeded, underway
-    told = answers(np.stack([marks.sequence[holes], marks.sequence[holes + 1]], axis=1))
-    order = np.argsort(told.state_sequence, kind="stable")
-    answered = told.state_sequence[order]
+    found = answers(np.stack([marks.sequence[holes], marks.sequence[holes + 1]], axis=1))
+    order = np.argsort(found.state_sequence, kind="stable")
+    answered = found.state_sequence[order]
     for at in holes.tolist():
         gap = grid.instants[at + 1] - grid.instants[at]
         went_on = marks.command_sequence[at + 1] - marks.command_sequence[at]
         first, last = np.searchsorted(answered, marks.sequence[at : at + 2], side="left")
         own = order[first:last]
         if went_on > _RUNNING * gap:
-            ahead = told.state_sequence[own] - marks.sequence[at]
+            ahead = found.state_sequence[own] - marks.sequence[at]
             known = ahead < gap
             instants.append(grid.instants[at] + ahead[known])
-            values.append(told.values[own[known]])
+            values.append(found.values[own[known]])
             underway[at] = True
         elif len(own):
-            late_s = (told.sent_ns[own[-1]] - marks.sent_ns[at]) / NS
-            acted = told.sequence[own[-1]] == marks.command_sequence[at + 1]
+            late_s = (found.sent_ns[own[-1]] - marks.sent_ns[at]) / NS
+            acted = found.sequence[own[-1]] == marks.command_sequence[at + 1]
             unheeded[at] = acted and late_s > _PROMPT * grid.period_s
     changes = Changes(
-        np.concatenate([np.empty(0), *instants]), np.concatenate([told.values[:0], *values])
+        np.concatenate([np.empty(0), *instants]), np.concatenate([found.values[:0], *values])
     )
     return changes, unheeded, underway

@@ -238,11 +238,11 @@ def _lost(instants: FloatArray) -> FloatArray:
     lost = np.zeros(len(late))
     # The lateness that is left when the losses before are taken off.
     left = late.copy()
-    last, told = 0, 0.0
+    last, counted = 0, 0.0
     for at in (np.flatnonzero(np.diff(instants) > _GAP) + 1).tolist():
-        left[last:at] -= told
+        left[last:at] -= counted
         before = float(np.median(left[max(0, at - _AROUND) : at]))
-        behind = float(np.median(late[at : at + _AROUND])) - told
+        behind = float(np.median(late[at : at + _AROUND])) - counted
         lost[at] = max(0.0, np.floor(behind - before + 1.0 - _LOST))
-        last, told = at, told + lost[at]
+        last, counted = at, counted + lost[at]
     return lost

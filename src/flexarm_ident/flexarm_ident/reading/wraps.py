@@ -59,20 +59,20 @@ class Wrap(NamedTuple):
     doubt: float = 0.0
 
 
-def found_wraps(pieces: Iterable[Rows], told: float | None = None) -> list[Wrap]:
+def found_wraps(pieces: Iterable[Rows], turn: float | None = None) -> list[Wrap]:
     """Return the wraps of the outputs of a record.
 
     Parameters
     ----------
     pieces : iterable of (u, y)
         Samples in the order of sending, in pieces of any length; NaN is not measured.
-    told : float, optional
+    turn : float, optional
         Period of every output that jumps by more than half of it; 0 where none wraps. None: found.
     """
     found: list[Wrap] = []
     for u, y in pieces:
         with np.errstate(over="ignore"):
-            here = [_wrap(u, values, told) for values in y.T]
+            here = [_wrap(u, values, turn) for values in y.T]
         found = [
             Wrap(max(a.period, b.period), a.jumps + b.jumps, max(a.doubt, b.doubt))
             for a, b in zip(found or [Wrap(0.0)] * len(here), here, strict=True)
@@ -120,15 +120,15 @@ def wrap_notices(names: Sequence[str], wraps: Sequence[Wrap]) -> Iterator[DataWa
             )
 
 
-def _wrap(u: FloatArray, y: FloatArray, told: float | None) -> Wrap:
+def _wrap(u: FloatArray, y: FloatArray, turn: float | None) -> Wrap:
     known = np.flatnonzero(~np.isnan(y))
     steps = np.diff(y[known])
-    if not len(steps) or told == 0.0:
+    if not len(steps) or turn == 0.0:
         return Wrap(0.0)
     size = np.abs(steps)
-    if told is not None:
-        jumps = int(np.count_nonzero(size > 0.5 * told))
-        return Wrap(told if jumps else 0.0, jumps)
+    if turn is not None:
+        jumps = int(np.count_nonzero(size > 0.5 * turn))
+        return Wrap(turn if jumps else 0.0, jumps)
     extent = float(np.ptp(y[known]))
     if not 0.5 * min(PERIODS) < extent < 2.0 * max(PERIODS):
         return Wrap(0.0)

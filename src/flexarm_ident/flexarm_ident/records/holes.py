@@ -69,7 +69,7 @@ def unusable_rows(missing: BoolArray) -> BoolArray:
     return unusable
 
 
-def holes_told(
+def holes_text(
     missing: BoolArray, period_s: float, *, lost: int | None = None
 ) -> tuple[str, dict[str, float]]:
     """Return extent, place and fate of the holes of a mask, and the figures.

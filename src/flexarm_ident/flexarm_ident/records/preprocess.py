@@ -186,14 +186,14 @@ def _without_offsets(data: IoData) -> IoData:
     inputs[_is_constant(data.u)] = 0.0
     if not (inputs.any() or outputs.any()):
         return data
-    told = zip((*data.inputs, *data.outputs), (*inputs, *outputs * ~is_constant), strict=True)
+    offsets_of = zip((*data.inputs, *data.outputs), (*inputs, *outputs * ~is_constant), strict=True)
     notices = [
         CONVERTED(
             f"{name} had an offset of {offset:.6g}, which was removed",
             {"offset": float(offset)},
             channel=name,
         )
-        for name, offset in told
+        for name, offset in offsets_of
         if offset != 0.0
     ]
     changed = _subtract(data, outputs)

@@ -50,7 +50,7 @@ def known_parts(record: IoData) -> tuple[IoData, ...]:
     holes = _cut(runs(record.input_held).tolist(), len(record))
     if not holes:
         return (record,)
-    told = _notice(record, holes)
+    notice = _notice(record, holes)
     spans = _between(holes, len(record))
     parts = [record.rows(slice(first, last)) for first, last in spans]
     return tuple(
@@ -59,7 +59,7 @@ def known_parts(record: IoData) -> tuple[IoData, ...]:
             source=f"{record.label}, {part.begins_s:.4g} to "
             f"{part.begins_s + len(part) * part.dt_s:.4g} s",
             part_of=record.label,
-            notices=() if number else (*record.notices, told),
+            notices=() if number else (*record.notices, notice),
         )
         for number, part in enumerate(parts)
     )

@@ -97,7 +97,7 @@ class Bridge:
             name: NodeParameters(self._calls, name) for name in _NODES if name not in LOOP
         }
         self._store = Store(folder)
-        self._jobs = Jobs(self._tell)
+        self._jobs = Jobs(self._send)
         self._chain = Chain(
             self._store, self.loop, lambda: self.situation.held(time.monotonic()), rig
         )
@@ -161,7 +161,7 @@ class Bridge:
         finally:
             self._commands -= moves_arm
         if request.needs in (Needs.TOKEN, Needs.HOLD):
-            self.outlet.tell_state()
+            self.outlet.send_state()
         return answer
 
     async def _answered(self, request: Request) -> Answer:
@@ -173,8 +173,8 @@ class Bridge:
             return await asyncio.wait_for(work, patience_s)
         except (asyncio.TimeoutError, SilentNodeError) as error:
             # A node that has ended stays known to the graph for a while.
-            if told := self._silence(request):
-                raise FlexarmError(told) from error
+            if silence := self._silence(request):
+                raise FlexarmError(silence) from error
             if isinstance(error, SilentNodeError):
                 raise
             raise SilentNodeError("the node did not answer in time: try again") from error
@@ -183,8 +183,8 @@ class Bridge:
         """Return which node that a request is for is silent, and since when; else nothing."""
         named = request.fields.get("node")
         for node in (named,) if named else _NODES_OF.get(request.verb, ()):
-            if told := self.situation.silence(node, time.monotonic()):
-                return f"the {node} does not answer: {told}"
+            if silence := self.situation.silence(node, time.monotonic()):
+                return f"the {node} does not answer: {silence}"
         return ""
 
     def report(self, name: str) -> bytes | None:
@@ -311,7 +311,7 @@ class Bridge:
 
     async def _on_task(self, text: str) -> Answer:
         self.situation.task = text
-        self.outlet.tell_state()
+        self.outlet.send_state()
         return Answer()
 
     async def _on_samples(self, after: int) -> Answer:
@@ -366,8 +366,8 @@ class Bridge:
         await self.loop.parameters["controller"].set({**gains, **({"law": law} if law else {})})
         return Answer("the new gains are in force")
 
-    def _tell(self, message: Mapping[str, Any]) -> None:
-        self.outlet.tell(message)
+    def _send(self, message: Mapping[str, Any]) -> None:
+        self.outlet.send(message)
 
     def _parameters(self, node: str) -> NodeParameters:
         every = {**self.loop.parameters, **self._others}

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from flexarm_live.serving.laboratory import Answer
     from flexarm_live.work.process import Report
 
-    Tell = Callable[[Mapping[str, Any]], None]
+    Send = Callable[[Mapping[str, Any]], None]
     Work = Callable[[Report], Awaitable[Mapping[str, Any]]]
 
 _COMMAND = "./flexarm"
@@ -47,12 +47,12 @@ class Jobs:
 
     Parameters
     ----------
-    tell : callable
+    send : callable
         Gets each message to the pages.
     """
 
-    def __init__(self, tell: Tell) -> None:
-        self._tell = tell
+    def __init__(self, send: Send) -> None:
+        self._send = send
         self._numbers = count(1)
         self._at_work: dict[int, tuple[str, asyncio.Task[None]]] = {}
         self._cancelled: set[int] = set()
@@ -114,7 +114,7 @@ class Jobs:
                 "message": "",
                 "data": {},
             }
-            self._tell({"type": "job", "job": kind, "id": number, "stage": stage, **news, **more})
+            self._send({"type": "job", "job": kind, "id": number, "stage": stage, **news, **more})
 
         def report(
             stage: str, fraction: float | None, found: Mapping[str, Any] | None = None, /

@@ -163,7 +163,7 @@ def _of_table(file: Path) -> list[dict[str, str]]:
     ]
 
 
-def _unit(name: str, told: str) -> str:
+def _unit(name: str, given: str) -> str:
     """Return a unit of `UNIT_ENDINGS` that the name or the file gives; empty without one."""
-    ending = unit_ending(label_and_unit(name)[1] or told)
+    ending = unit_ending(label_and_unit(name)[1] or given)
     return UNIT_ENDINGS.get(ending.removeprefix("_"), "")

@@ -25,9 +25,9 @@ export class ArmView {
     this.#build();
     byId("enlarged").oninput = ({ target }) => {
       this.enlarged = Number(target.value);
-      this.#tellEnlarged();
+      this.#showEnlarged();
     };
-    this.#tellEnlarged();
+    this.#showEnlarged();
   }
 
   /** Draw the newest sample. */
@@ -53,7 +53,7 @@ export class ArmView {
   }
 
   /** Write the figures beside the arm, a few times a second: they are read, not watched. */
-  tellFigures(ring) {
+  showFigures(ring) {
     const referenceV = ring.newest(this.reference);
     write(byId("angle"), this.units.shown(this.angle, ring.newest(this.angle), 1));
     write(byId("goal"), this.units.shown(this.reference, referenceV, 1));
@@ -68,7 +68,7 @@ export class ArmView {
     mark.setAttribute("transform", `translate(${x},${-y})`);
   }
 
-  #tellEnlarged() {
+  #showEnlarged() {
     write(byId("enlarged_by"), `× ${this.enlarged}`);
   }
 

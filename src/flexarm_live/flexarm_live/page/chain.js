@@ -1,6 +1,6 @@
 // The chain from a record to a tuned law: its stages, its jobs, and the first two stages.
 
-import { attempt, byId, element, fillMenu, tell, write } from "./dom.js";
+import { announce, attempt, byId, element, fillMenu, write } from "./dom.js";
 import { Signals, wireDrop } from "./drop.js";
 
 const STAGES = ["record", "identify", "model", "tune", "step"];
@@ -36,7 +36,7 @@ export function showCommand(stage, command) {
   write(code, command);
   code.parentElement.hidden = command === "";
   if (code.nextElementSibling === null) {
-    const copy = () => navigator.clipboard.writeText(code.textContent).then(() => tell("Copied."));
+    const copy = () => navigator.clipboard.writeText(code.textContent).then(() => announce("Copied."));
     code.after(element("button", { class: "quiet", onclick: () => attempt(copy), "aria-label": "Copy the command" }, "Copy"));
   }
 }
@@ -145,8 +145,8 @@ export class Chain {
     this.#wireRecord();
     const { inputs, outputs } = hello.rig;
     write(byId("signals"), `From ${listed(inputs)} to ${listed(outputs)}.`);
-    this.signals = new Signals(link, () => this.#tellIdentify());
-    for (const id of ["bag", "method", "order_wanted"]) byId(id).onchange = () => this.#tellIdentify();
+    this.signals = new Signals(link, () => this.#showIdentify());
+    for (const id of ["bag", "method", "order_wanted"]) byId(id).onchange = () => this.#showIdentify();
     wireDrop(link, async (bag) => {
       this.signals.forget();
       await this.refreshBags(bag);
@@ -172,7 +172,7 @@ export class Chain {
     const { bags, models } = (await attempt(() => this.link.request("bags"))) ?? { bags: [], models: [] };
     this.found(models);
     fillMenu(byId("bag"), bags.map((bag) => [bag, bag]), chosen ?? byId("bag").value);
-    this.#tellIdentify();
+    this.#showIdentify();
   }
 
   /** Identify the chosen record; `wish` has the order and modes that were clicked. */
@@ -197,14 +197,14 @@ export class Chain {
   #wireRecord() {
     const { experiments } = this.hello;
     fillMenu(byId("experiment"), experiments.map(({ name }) => [name, name]));
-    const tellExperiment = () => {
+    const showExperiment = () => {
       const { name, description } = experiments.find((each) => each.name === byId("experiment").value) ?? {};
       write(byId("experiment_words"), description ?? "");
       // In a terminal it has a laboratory of its own, that of the thesis's arm.
       showCommand("record", this.hello.arm === undefined ? "" : `./flexarm experiment ${name ?? ""}`);
     };
-    byId("experiment").onchange = tellExperiment;
-    tellExperiment();
+    byId("experiment").onchange = showExperiment;
+    showExperiment();
     byId("run_experiment").onclick = () =>
       attempt(async () => {
         const { bag } = await this.jobs.run("experiment", { name: byId("experiment").value });
@@ -229,7 +229,7 @@ export class Chain {
     return { bag: byId("bag").value, method: byId("method").value, order: Number(byId("order_wanted").value), ...this.signals.fields };
   }
 
-  #tellIdentify() {
+  #showIdentify() {
     attempt(async () => {
       await this.signals.show(byId("bag").value);
       const wanted = this.#wanted;

@@ -79,7 +79,7 @@ export class Toggles {
 let fadeOut = 0;
 
 /** Tell the user a line; a refusal stays until the next one, news go away. */
-export function tell(text, refused = false) {
+export function announce(text, refused = false) {
   const line = byId("message");
   clearTimeout(fadeOut);
   line.classList.toggle("refused", refused);
@@ -92,7 +92,7 @@ export async function attempt(work, undone = () => {}) {
   try {
     return await work();
   } catch (refusal) {
-    tell(refusal.message, true);
+    announce(refusal.message, true);
     undone();
     return undefined;
   }

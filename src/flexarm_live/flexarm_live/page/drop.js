@@ -1,6 +1,6 @@
 // A record of the user's own: dropped or chosen, sent in pieces, and its signals named.
 
-import { attempt, byId, element, fillMenu, fillTable, tell } from "./dom.js";
+import { announce, attempt, byId, element, fillMenu, fillTable } from "./dom.js";
 
 // The server takes messages of up to 64 kB.
 const PIECE_BYTES = 60000;
@@ -44,7 +44,7 @@ async function sendAll(link, files, taken) {
   let bag;
   for (const { name, file } of files) bag = await send(link, name, file);
   if (bag === undefined) return;
-  tell(`${bag} is here: name its signals, then identify`);
+  announce(`${bag} is here: name its signals, then identify`);
   await taken(bag);
 }
 
@@ -67,7 +67,7 @@ async function send(link, name, file) {
     while (socket.bufferedAmount > MOST_WAITING_BYTES && socket.readyState === WebSocket.OPEN) {
       await new Promise((resolve) => setTimeout(resolve, 20));
     }
-    tell(`${name}: ${Math.round((100 * at) / file.size)} %`);
+    announce(`${name}: ${Math.round((100 * at) / file.size)} %`);
   }
   if (socket.readyState === WebSocket.OPEN) socket.send("end");
   return reply;
@@ -129,7 +129,7 @@ export class Signals {
     const units = [["", "unit"], ...Object.keys(this.#endings).map((unit) => [unit, unit])];
     this.#rows = signals.map(({ name, unit, role }) => ({
       name,
-      told: unit,
+      stated: unit,
       role: menu(`Role of ${name}`, roles, role),
       unit: menu(`Unit of ${name}`, units, unit),
     }));
@@ -138,8 +138,8 @@ export class Signals {
   }
 
   // A name says its unit at its end.
-  #named({ name, told, unit }) {
-    if (unit.value === told) return name;
+  #named({ name, stated, unit }) {
+    if (unit.value === stated) return name;
     const stem = name.replace(/\s*[[(][^\])]*[\])]$/, (end) => (/\d/.test(end) ? end : "")).replace(/^\//, "");
     return `${stem.replace(/[^\p{L}\p{N}]+/gu, "_").replace(/_$/, "")}${this.#endings[unit.value] ?? ""}=${name}`;
   }

@@ -1,6 +1,6 @@
 // Manual control: the stop and its way back, set-point, waveforms, controller.
 
-import { attempt, byId, element, fillMenu, tell, write } from "./dom.js";
+import { announce, attempt, byId, element, fillMenu, write } from "./dom.js";
 import { SignalField } from "./units.js";
 
 const SEND_EVERY_MS = 33;
@@ -120,12 +120,12 @@ export class Setpoint {
 export function wireStop(link, isAllowed) {
   const stop = () => {
     if (!isAllowed()) {
-      tell("this page is for viewing: it was opened without the token", true);
+      announce("this page is for viewing: it was opened without the token", true);
       return;
     }
     attempt(async () => {
       await link.stop();
-      tell("stopped: the drive is held at zero");
+      announce("stopped: the drive is held at zero");
     });
   };
   byId("stop").onclick = stop;

@@ -102,7 +102,7 @@ export class Link extends EventTarget {
   #receive(data) {
     this.#heard();
     if (data instanceof ArrayBuffer) {
-      this.#tell("samples", data);
+      this.#emit("samples", data);
       return;
     }
     const message = JSON.parse(data);
@@ -110,7 +110,7 @@ export class Link extends EventTarget {
     else if (message.type === "job") this.#progress(message);
     else {
       if (message.type === "state") this.#missEnds(message.jobs);
-      this.#tell(message.type, message);
+      this.#emit(message.type, message);
     }
   }
 
@@ -144,7 +144,7 @@ export class Link extends EventTarget {
   #lose(reason) {
     clearTimeout(this.#watch);
     this.#forget(this.#socket);
-    this.#tell("closed", reason);
+    this.#emit("closed", reason);
     setTimeout(() => this.#connect(), this.#waitMs);
     this.#waitMs = Math.min(2 * this.#waitMs, LONGEST_WAIT_MS);
   }
@@ -152,10 +152,10 @@ export class Link extends EventTarget {
   // The server sends its state twice a second: silence is a state of its own.
   #heard() {
     clearTimeout(this.#watch);
-    this.#watch = setTimeout(() => this.#tell("silent"), SILENCE_MS);
+    this.#watch = setTimeout(() => this.#emit("silent"), SILENCE_MS);
   }
 
-  #tell(type, detail) {
+  #emit(type, detail) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

@@ -61,7 +61,7 @@ export class LinksView {
   }
 
   /** Write the figures beside the arm, a few times a second: they are read, not watched. */
-  tellFigures(ring) {
+  showFigures(ring) {
     for (const { angle, reference, ghost, shown, goal } of this.#joints) {
       write(shown, this.units.shown(angle, ring.newest(angle), 1));
       if (reference === null) continue;

@@ -77,10 +77,10 @@ function lose(reason) {
 }
 
 function wireUnits(units, { joints, inputs, outputs, tracked }) {
-  const telling = [...joints.map(({ angle }) => angle), ...inputs.map(({ name }) => name)];
+  const used = [...joints.map(({ angle }) => angle), ...inputs.map(({ name }) => name)];
   const every = [...outputs, ...inputs].map(({ name }) => name);
   const words = (names) => [true, false].map((si) => units.listed(names, si));
-  const [si, own] = words(telling)[0] === words(telling)[1] ? words(every) : words(telling);
+  const [si, own] = words(used)[0] === words(used)[1] ? words(every) : words(used);
   write(byId("units_si"), si);
   write(byId("units_v"), own);
   byId("units_si").parentElement.hidden = si === own;
@@ -151,7 +151,7 @@ function frame(nowMs) {
     drawnOf = of;
     if (nowMs >= figuresDueMs) {
       figuresDueMs = nowMs + FIGURES_EVERY_MS;
-      arm.tellFigures(ring);
+      arm.showFigures(ring);
     }
     room.traces.draw(nowMs);
   }

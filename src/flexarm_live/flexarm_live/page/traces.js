@@ -94,7 +94,7 @@ export class Traces {
       plot.setData([times, ...shown.splice(0, names.length)], false);
       plot.setScale("x", { min: endS - spanS, max: endS });
     }
-    this.#tellValues();
+    this.#showValues();
   }
 
   #build() {
@@ -202,7 +202,7 @@ export class Traces {
   #hover(plot) {
     const { left } = plot.cursor;
     this.#cursorS = left >= 0 ? plot.posToVal(left, "x") : null;
-    this.#tellValues();
+    this.#showValues();
   }
 
   #select(plot) {
@@ -213,7 +213,7 @@ export class Traces {
     this.#look({ live: false, spanS: Math.max(LEAST_SPAN_S, toS - fromS), endS: toS });
   }
 
-  #tellValues() {
+  #showValues() {
     const { ring } = this;
     if (ring.end === 0) return;
     const at = this.#cursorS === null ? ring.end - 1 : Math.min(ring.indexAt(this.#cursorS), ring.end - 1);

@@ -1,6 +1,6 @@
 // Tuning on models, its margins, the new law on the arm, and its step beside the former one.
 
-import { Toggles, attempt, byId, fillMenu, fillTable, tell, write } from "./dom.js";
+import { Toggles, attempt, byId, announce, fillMenu, fillTable, write } from "./dom.js";
 import { chart } from "./charts.js";
 import { askCommand, showCommand, showStage } from "./chain.js";
 import { figure, stepFigures } from "./numbers.js";
@@ -20,12 +20,12 @@ const gainsText = (gains) =>
 export class TuneStage {
   constructor(hello, link, jobs, parameters, step) {
     Object.assign(this, { link, jobs, parameters, step });
-    this.models = new Toggles(byId("models"), () => this.#tellCommand(), NOMINAL);
+    this.models = new Toggles(byId("models"), () => this.#showCommand(), NOMINAL);
     const { tunable_laws: laws = [], laws_with_margins: withMargins = [] } = hello;
     this.isOffered = laws.length > 0;
     this.hasMargins = (law) => withMargins.includes(law);
     fillMenu(byId("tuned_law"), laws.map((law) => [law, law]), USUAL_LAW);
-    for (const id of ["tuned_law", "gain_margin", "phase_margin"]) byId(id).onchange = () => this.#tellCommand();
+    for (const id of ["tuned_law", "gain_margin", "phase_margin"]) byId(id).onchange = () => this.#showCommand();
     byId("tune").onclick = () => attempt(() => this.#tune());
     byId("apply").onclick = () => attempt(() => this.#apply());
     this.offer([]);
@@ -34,7 +34,7 @@ export class TuneStage {
   /** Offer identified models beside the packaged ones. */
   offer(models, chosen) {
     this.models.offer([...models, ...NOMINAL], chosen);
-    this.#tellCommand();
+    this.#showCommand();
   }
 
   get #wanted() {
@@ -43,7 +43,7 @@ export class TuneStage {
     return { law, models: this.models.chosen, ...(this.hasMargins(law) ? margins : {}) };
   }
 
-  #tellCommand() {
+  #showCommand() {
     if (!this.isOffered) return;
     const wanted = this.#wanted;
     for (const id of ["gain_margin", "phase_margin"]) byId(id).disabled = !this.hasMargins(wanted.law);
@@ -118,7 +118,7 @@ export class TuneStage {
   async #apply() {
     const { gains, law } = this.result;
     await this.link.request("apply", { gains, law });
-    tell(`The arm is held by ${law} with ${gainsText(gains)}.`);
+    announce(`The arm is held by ${law} with ${gainsText(gains)}.`);
     showCommand("step", `./flexarm set controller law=${law} ${gainsText(gains)}`);
     showStage("step");
   }

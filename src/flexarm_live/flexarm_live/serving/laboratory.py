@@ -43,10 +43,10 @@ class Laboratory(Protocol):
 class Outlet(Protocol):
     """What the laboratory may call when it has news. Any thread may call."""
 
-    def tell(self, message: Mapping[str, Any]) -> None:
+    def send(self, message: Mapping[str, Any]) -> None:
         """Send a message to every client."""
 
-    def tell_state(self) -> None:
+    def send_state(self) -> None:
         """Send the state of now to every client."""
 
     def send_samples(self, frame: bytes) -> None:

@@ -101,7 +101,7 @@ class Server:
         self._page, self._terminal = page, terminal
         host, port = page.getsockname()[:2]
         self.address = f"http://{host}:{port}/" + ("" if web.view_only else f"#token={web.token}")
-        self._desk = Desk(laboratory, self.address, self._tell_state)
+        self._desk = Desk(laboratory, self.address, self._send_state)
         self._pages: set[_Page] = set()
         self._stops: set[_Page] = set()
         self._terminals: set[asyncio.Task[None]] = set()
@@ -127,13 +127,13 @@ class Server:
         """End `run`."""
         self.call(lambda: self._stopping.set() if self._stopping else None)
 
-    def tell(self, message: Mapping[str, Any]) -> None:
+    def send(self, message: Mapping[str, Any]) -> None:
         """Send a message to every page."""
         self._post(as_json(message))
 
-    def tell_state(self) -> None:
+    def send_state(self) -> None:
         """Send the state of now to every page."""
-        self.call(self._tell_state)
+        self.call(self._send_state)
 
     def send_samples(self, frame: bytes) -> None:
         """Send a frame of samples to every page."""
@@ -151,7 +151,7 @@ class Server:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(action)
 
-    def _tell_state(self) -> None:
+    def _send_state(self) -> None:
         for each in self._pages:
             each.post(as_json(self._desk.state(each.name)))
 
@@ -190,7 +190,7 @@ class Server:
     async def _tick(self) -> None:
         while True:
             await asyncio.sleep(_STATE_S)
-            self._tell_state()
+            self._send_state()
 
     def _on_request(self, _: ServerConnection, request: Request) -> Response | None:
         others = self._stops if request.path.startswith(STOP) else self._pages

@@ -33,9 +33,9 @@ def test_experiments_and_laws___are_those_that_there_are() -> None:
 
 def test_set___completes_a_node_and_its_parameters() -> None:
     assert words("set", start="con") == ["controller"]
-    told = words("set", "controller")
-    assert "law=" in told
-    assert {each.removesuffix("=") for each in told} <= {spec.name for spec in PARAMETERS}
+    reported = words("set", "controller")
+    assert "law=" in reported
+    assert {each.removesuffix("=") for each in reported} <= {spec.name for spec in PARAMETERS}
 
 
 def test_bags___are_found_also_in_a_folder_of_them(

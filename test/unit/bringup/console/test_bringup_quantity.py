@@ -65,7 +65,7 @@ def test_quantity___end_of_the_range_in_another_unit___is_in_it(text: str) -> No
     assert abs(Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V).convert(text, None, None)) <= TRAVEL_V
 
 
-def test_quantity___open_range___is_told_by_its_one_end() -> None:
+def test_quantity___open_range___is_reported_by_its_one_end() -> None:
     with pytest.raises(click.BadParameter) as refusal:
         Quantity(TIME_S, 0.0).convert("-2min", None, None)
     assert refusal.value.message == "-2 min is not in the range 0 min up."

@@ -40,33 +40,33 @@ class Guard:
 class Node:
     """Node that notes in which order its parts are ended."""
 
-    def __init__(self, told: list[str]) -> None:
-        self._told = told
+    def __init__(self, reported: list[str]) -> None:
+        self._reported = reported
 
     def create_guard_condition(self, callback: Callable[[], None]) -> Guard:
         return Guard(callback)
 
     def stop(self) -> None:
-        self._told.append("controller")
+        self._reported.append("controller")
 
     def destroy_node(self) -> None:
-        self._told.append("controller destroyed")
+        self._reported.append("controller destroyed")
 
 
 @pytest.fixture
-def told(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def reported(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Return what is told, in order, by the doubles that stand for the nodes and the executor."""
-    told: list[str] = []
+    reported: list[str] = []
     monkeypatch.setattr(loop_node, "SingleThreadedExecutor", Executor)
     monkeypatch.setattr(Executor, "work", lambda: None)
-    monkeypatch.setattr(DaqNode, "__init__", lambda *_: told.append("daq"))
-    monkeypatch.setattr(DaqNode, "stop", lambda _: told.append("zero"))
-    monkeypatch.setattr(DaqNode, "destroy_node", lambda _: told.append("daq destroyed"))
-    return told
+    monkeypatch.setattr(DaqNode, "__init__", lambda *_: reported.append("daq"))
+    monkeypatch.setattr(DaqNode, "stop", lambda _: reported.append("zero"))
+    monkeypatch.setattr(DaqNode, "destroy_node", lambda _: reported.append("daq destroyed"))
+    return reported
 
 
-def make(monkeypatch: pytest.MonkeyPatch, told: list[str]) -> LoopNode:
-    monkeypatch.setattr(loop_node, "ControllerNode", lambda *_: Node(told))
+def make(monkeypatch: pytest.MonkeyPatch, reported: list[str]) -> LoopNode:
+    monkeypatch.setattr(loop_node, "ControllerNode", lambda *_: Node(reported))
     return LoopNode(node_arguments([]))
 
 
@@ -91,30 +91,30 @@ def test_argument___after_the_ros_arguments_of_both___is_read_too() -> None:
 
 
 def test_end___takes_the_drive_to_zero_first(
-    monkeypatch: pytest.MonkeyPatch, told: list[str]
+    monkeypatch: pytest.MonkeyPatch, reported: list[str]
 ) -> None:
-    node = make(monkeypatch, told)
+    node = make(monkeypatch, reported)
     node.stop()
     node.destroy_node()
-    assert told == ["daq", "zero", "controller", "controller destroyed", "daq destroyed"]
+    assert reported == ["daq", "zero", "controller", "controller destroyed", "daq destroyed"]
     assert node.failure == ""
 
 
 def test_end___with_a_callback_that_hangs___leaves_the_controller_behind(
-    monkeypatch: pytest.MonkeyPatch, told: list[str]
+    monkeypatch: pytest.MonkeyPatch, reported: list[str]
 ) -> None:
     hangs = threading.Event()
     monkeypatch.setattr(loop_node, "_END_S", 0.05)
     monkeypatch.setattr(Executor, "work", lambda: hangs.wait() and None)
-    node = make(monkeypatch, told)
+    node = make(monkeypatch, reported)
     node.stop()
     node.destroy_node()
     hangs.set()
-    assert told == ["daq", "zero", "controller", "daq destroyed"]
+    assert reported == ["daq", "zero", "controller", "daq destroyed"]
 
 
 def test_controller___that_cannot_be_made___ends_the_sampling(
-    monkeypatch: pytest.MonkeyPatch, told: list[str]
+    monkeypatch: pytest.MonkeyPatch, reported: list[str]
 ) -> None:
     def refuse(*_: object) -> Any:  # noqa: ANN401
         raise SettingError("law = 'pdx'")
@@ -122,11 +122,11 @@ def test_controller___that_cannot_be_made___ends_the_sampling(
     monkeypatch.setattr(loop_node, "ControllerNode", refuse)
     with pytest.raises(SettingError, match="pdx"):
         LoopNode(node_arguments([]))
-    assert told == ["daq", "zero"]
+    assert reported == ["daq", "zero"]
 
 
 def test_error_of_a_callback___ends_the_process_as_a_failure(
-    monkeypatch: pytest.MonkeyPatch, told: list[str], capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, reported: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     asked = threading.Event()
 
@@ -135,14 +135,14 @@ def test_error_of_a_callback___ends_the_process_as_a_failure(
 
     monkeypatch.setattr(loop_node, "request_stop", asked.set)
     monkeypatch.setattr(Executor, "work", fail)
-    node = make(monkeypatch, told)
+    node = make(monkeypatch, reported)
     assert asked.wait(60.0)
     assert node.failure == "torn"
     assert "OSError: torn" in capsys.readouterr().err
 
 
-def test_spinning___ended___shuts_its_executor_down(told: list[str]) -> None:
-    node: Any = Node(told)
+def test_spinning___ended___shuts_its_executor_down(reported: list[str]) -> None:
+    node: Any = Node(reported)
     beside = SpunBeside(node)
     assert beside.end()
     assert beside._executor.ended

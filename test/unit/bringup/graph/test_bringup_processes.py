@@ -112,7 +112,7 @@ def test_node_that_ended___last_line___is_quoted_unless_another_node_logged_it(
     assert quoted or said == ended
 
 
-def test_node_that_may_be_replaced___ends___is_told_and_no_error(
+def test_node_that_may_be_replaced___ends___is_reported_and_no_error(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     with NodeProcesses(*rig_node(monkeypatch, tmp_path, ["torn"])) as nodes:
@@ -192,7 +192,7 @@ def test_nodes___stopped_before_they_are_let_in___join_nothing(
     assert set(nodes.exit_codes().values()) != {None}
 
 
-def test_nodes___that_ended_before_they_are_let_in___are_told(
+def test_nodes___that_ended_before_they_are_let_in___are_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     with NodeProcesses(*rig_node(monkeypatch, tmp_path, ["torn"])) as nodes:

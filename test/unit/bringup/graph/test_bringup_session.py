@@ -44,12 +44,12 @@ def test_interruptible___signal_reported_as_another_error___interrupts(
         _binding(stop, RuntimeError("Unable to convert call argument '0' to Python object"))
 
 
-def test_interruptible___error_without_a_signal___is_told() -> None:
+def test_interruptible___error_without_a_signal___is_reported() -> None:
     with pytest.raises(RuntimeError, match="broken"), interruptible():
         raise RuntimeError("broken")
 
 
-def test_interruptible___node_that_failed_at_a_signal___is_told() -> None:
+def test_interruptible___node_that_failed_at_a_signal___is_reported() -> None:
     with pytest.raises(LaunchError, match="daq ended"), interruptible():
         _binding(signal.SIGINT, LaunchError("daq ended"))
 

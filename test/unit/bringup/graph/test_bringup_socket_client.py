@@ -93,7 +93,7 @@ def up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Up]:
         yield Up(listening)
 
 
-def told(verb: click.Command, *arguments: str) -> str:
+def reported(verb: click.Command, *arguments: str) -> str:
     """Return what a verb prints; raise what it raises."""
     done = CliRunner().invoke(verb, [*arguments, "--namespace", ARM], catch_exceptions=False)
     assert done.exit_code == 0, done.output
@@ -144,7 +144,7 @@ def told(verb: click.Command, *arguments: str) -> str:
 def test_verb___with_an_up___asks_it(
     up: Up, verb: click.Command, arguments: list[str], asked: dict[str, Any], printed: str
 ) -> None:
-    assert told(verb, *arguments) == printed
+    assert reported(verb, *arguments) == printed
     assert {"id": 0, **asked} in up.asked
 
 
@@ -169,13 +169,13 @@ def test_reference___is_in_the_unit_of_the_running_rig_or_has_its_own(
     printed: str,
 ) -> None:
     monkeypatch.setattr(f"{__name__}.PARAMS", [{"name": "rig", "value": rig}])
-    assert told(remote.reference, *words) == f"set-point {printed}\n"
+    assert reported(remote.reference, *words) == f"set-point {printed}\n"
     assert up.asked[-1]["value"] == pytest.approx(asked, rel=1e-6)
     assert up.asked[-1].get("joint", "") == "".join(words[:-1])
 
 
 @pytest.mark.usefixtures("up")
-def test_reference___that_is_no_number___is_told_as_the_set_point_of_its_joint(
+def test_reference___that_is_no_number___is_reported_as_the_set_point_of_its_joint(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(f"{__name__}.PARAMS", [{"name": "rig", "value": "mujoco-two-link"}])
@@ -202,8 +202,8 @@ def test_activate_and_deactivate___say_where_the_arm_goes(
     now = f"; while both are, the controller drives the arm {motion}\n"
     later = f"; once active again, an active controller drives the arm {motion}, at once\n"
     for node in ("daq", "controller"):
-        assert told(remote.activate, node) == f"{node} is active{now}"
-        assert told(remote.deactivate, node) == f"{node} is inactive{later}"
+        assert reported(remote.activate, node) == f"{node} is active{now}"
+        assert reported(remote.deactivate, node) == f"{node} is inactive{later}"
 
 
 def test_reference___unknown_option___is_no_second_argument() -> None:
@@ -225,7 +225,7 @@ def test_full_name_of_a_node___names_the_arm_too(up: Up, arm: str) -> None:
 
 def test_get___node_and_parameter_in_one_word___shows_how_to_write_it() -> None:
     with pytest.raises(LaunchError, match=r"daq.payload_kg is not a node: write daq payload_kg"):
-        told(remote.get, "daq.payload_kg")
+        reported(remote.get, "daq.payload_kg")
 
 
 @pytest.mark.parametrize(
@@ -241,13 +241,13 @@ def test_full_name_of_another_arm___with_a_namespace___is_refused(
     up: Up, verb: click.Command, arguments: list[str]
 ) -> None:
     with pytest.raises(LaunchError, match=f"/arm2/daq is not in {ARM}: give the full name or --n"):
-        told(verb, "/arm2/daq", *arguments)
+        reported(verb, "/arm2/daq", *arguments)
     assert not up.asked
 
 
-def test_node_without_a_lifecycle___is_told_those_with_one(up: Up) -> None:
+def test_node_without_a_lifecycle___is_refused_with_those_that_have_one(up: Up) -> None:
     with pytest.raises(LaunchError, match="dak has no lifecycle: daq, controller, experiment"):
-        told(remote.activate, "dak")
+        reported(remote.activate, "dak")
     assert not up.asked
 
 
@@ -277,35 +277,35 @@ def test_stop_of_every_arm___first_asks_each_up_of_this_domain(
 
 def test_status___figure_that_is_not_known_yet___is_a_dash(up: Up) -> None:
     up.reports = {"daq": {"message": "active", "values": {"reply p50 ms": "nan"}}}
-    assert told(remote.status).endswith(f"    {'reply p50 ms':36s} -\n")
+    assert reported(remote.status).endswith(f"    {'reply p50 ms':36s} -\n")
 
 
 def test_status___directly_after_the_start___waits_for_the_first_reports(up: Up) -> None:
     reports, up.reports = up.reports, {}
     up.later = lambda asked: reports if asked >= 3 else {}
-    assert "\ndaq: active\n" in told(remote.status)
+    assert "\ndaq: active\n" in reported(remote.status)
     assert [each["do"] for each in up.asked] == ["status"] * 3 + ["address"]
 
 
-def test_status___before_the_first_reports___tells_the_page(
+def test_status___before_the_first_reports___names_the_page(
     up: Up, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("flexarm_bringup.graph.socket_client._FIRST_REPORTS_S", 0.2)
     up.reports = {}
-    assert told(remote.status) == (
+    assert reported(remote.status) == (
         "http://127.0.0.1:8117/#token=none\nno node has reported yet: each does once a second\n"
     )
 
 
-def test_reference___controller_that_is_not_active___tells_it(up: Up) -> None:
+def test_reference___controller_that_is_not_active___says_it(up: Up) -> None:
     up.note = "the controller is not active, activate controller"
-    assert told(remote.reference, "1") == f"set-point 1: {up.note}\n"
+    assert reported(remote.reference, "1") == f"set-point 1: {up.note}\n"
 
 
 def test_verb___that_is_refused___says_why(up: Up) -> None:
     up.refusal = "reference 1 V refused: the controller follows its own, step"
     with pytest.raises(LaunchError, match=r"reference 1 V refused: the controller follows its own"):
-        told(remote.reference, "1")
+        reported(remote.reference, "1")
 
 
 @pytest.mark.parametrize(
@@ -315,15 +315,15 @@ def test_verb___that_is_refused___says_why(up: Up) -> None:
         (["contoller", "pd.kp=2"], r"no node contoller \(nearest: controller\)"),
     ],
 )
-def test_set___misspelt_name___is_told_with_the_nearest(
+def test_set___misspelt_name___is_reported_with_the_nearest(
     up: Up, arguments: list[str], complaint: str
 ) -> None:
     with pytest.raises(LaunchError, match=complaint):
-        told(remote.set_, *arguments)
+        reported(remote.set_, *arguments)
     assert not [each for each in up.asked if each["do"] == "set"]
 
 
-def test_reference___up_that_does_not_answer___is_told_beside_the_answer_of_the_graph(
+def test_reference___up_that_does_not_answer___is_reported_beside_the_answer_of_the_graph(
     up: Up, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def graph(_namespace: str, _do: object) -> None:
@@ -332,14 +332,14 @@ def test_reference___up_that_does_not_answer___is_told_beside_the_answer_of_the_
     monkeypatch.setattr("flexarm_bringup.graph.arm_client._through_graph", graph)
     up.silent = True
     with pytest.raises(LaunchError) as refusal:
-        told(remote.reference, "1")
+        reported(remote.reference, "1")
     said = str(refusal.value)
     assert said.startswith("no answer to get")
     assert "`flexarm up` runs here" in said
     assert "may still be done" in said
     assert "no controller was found" in said
     with pytest.raises(LaunchError, match="press the button at the rig"):
-        told(remote.stop)
+        reported(remote.stop)
 
 
 @pytest.mark.parametrize(("refusal", "silent"), [("daq does not answer", False), ("", True)])
@@ -352,7 +352,7 @@ def test_stop___that_up_does_not_carry_out___is_left_to_the_graph(
 
 
 @pytest.mark.parametrize("value", ["inf", "-inf"])
-def test_set___number_that_json_cannot_tell___is_left_to_the_graph(up: Up, value: str) -> None:
+def test_set___number_that_json_cannot_hold___is_left_to_the_graph(up: Up, value: str) -> None:
     with socket_client(ARM) as arm, pytest.raises(NoAnswerError, match="no such number"):
         arm.set("controller", {"pd.kp": value})
     assert not [each for each in up.asked if each["do"] == "set"]

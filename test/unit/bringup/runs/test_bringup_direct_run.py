@@ -82,7 +82,7 @@ def test_law___made_for_another_rate___is_refused_before_the_bag(tmp_path: Path)
     assert not (tmp_path / "bag").exists()
 
 
-def test_drive___held_in_the_run___is_told_with_its_time(tmp_path: Path) -> None:
+def test_drive___held_in_the_run___is_reported_with_its_time(tmp_path: Path) -> None:
     run = a_run()._replace(rig=BrokenRig(RigParameters(), rate_hz=RATE_HZ))
     # The first reading is that at 0 s.
     with pytest.raises(HeldDriveError, match=r"speed_v is not a number, after 0\.100 s of the run"):

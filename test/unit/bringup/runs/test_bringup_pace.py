@@ -31,12 +31,12 @@ def test_pace_text___says_what_was_reached_and_missed() -> None:
     )
 
 
-def test_pace_text___tells_a_rate_that_was_not_asked_for() -> None:
-    told = pace_text(
+def test_pace_text___says_a_rate_that_was_not_asked_for() -> None:
+    reported = pace_text(
         Run(600, 0, 1.0, off_rate="313.9 Hz by the machine's clock, for rate_hz = 300")
     )
-    assert told.startswith(
+    assert reported.startswith(
         "ran at 1.00 of real time\n  warning: sampled at 313.9 Hz by the machine's clock, for "
         "rate_hz = 300: "
     )
-    assert "docs/howto/own_rig.md" in told
+    assert "docs/howto/own_rig.md" in reported

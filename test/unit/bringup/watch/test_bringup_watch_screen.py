@@ -52,7 +52,7 @@ def test_screen___of_any_size___stays_within_it(
         assert piece.column + len(piece.text) < columns
 
 
-def test_screen___of_80_by_24___tells_state_loop_and_traces(history: History, units: Units) -> None:
+def test_screen___of_80_by_24___says_state_loop_and_traces(history: History, units: Units) -> None:
     pieces = list(screen(STATE, history, units, "note", (24, 80)))
     lines = [
         " ".join(piece.text for piece in pieces if piece.row == row).rstrip() for row in range(24)
@@ -68,7 +68,7 @@ def test_screen___of_80_by_24___tells_state_loop_and_traces(history: History, un
     assert all(any("\u2800" < sign <= "\u28ff" for sign in lines[4 + 3 * k + 1]) for k in range(5))
 
 
-def test_plain_line___tells___state_values_and_loop(history: History, units: Units) -> None:
+def test_plain_line___says___state_values_and_loop(history: History, units: Units) -> None:
     line = plain_line(STATE, history, units)
     assert line.startswith("DRIVING; position +35.00 deg; ")
     assert "set-point +35.00 deg; law pdpc" in line

@@ -226,7 +226,7 @@ def slow_motion(level: float, viscous: float, height: float, half_s: float) -> I
 
 @pytest.mark.parametrize("viscous", [0.0, 0.02])
 @pytest.mark.parametrize("level", [0.0, 0.05, 0.3])
-def test_friction___dry_and_viscous___are_told_apart_by_two_speeds(
+def test_friction___dry_and_viscous___are_distinguished_by_two_speeds(
     level: float, viscous: float
 ) -> None:
     half_s = 2.0
@@ -257,7 +257,7 @@ def test_joint_that_does_not_follow_slow_motion___is_refused() -> None:
         friction_levels([replace(record, y=0.0 * record.y)] * 2, rig(), 1.0)
 
 
-def test_accuracy___tells_what_exceeds_the_goal() -> None:
+def test_accuracy___says_what_exceeds_the_goal() -> None:
     assert Accuracy(0.01, 0.02).misses(0.05) == ""
     assert Accuracy(math.nan, math.nan).misses(0.05) == ""
     said = Accuracy(0.1, 0.02).misses(0.05)

@@ -49,8 +49,8 @@ def test_tuning___keeps_the_margins_and_no_other_effort_that_does_is_better(
     found = tune_regulator([identified_model()], design, weights, wanted, delay_s=DELAY_S)
 
     assert replace(found.weights, effort=weights.effort) == weights
-    (told,) = found.margins
-    assert (told.gain_margin_db, told.phase_margin_deg) >= (9.0, 50.0)
+    (reported,) = found.margins
+    assert (reported.gain_margin_db, reported.phase_margin_deg) >= (9.0, 50.0)
     reduced = design_model(identified_model()).model
     loop = RegulatorLoop(identified_model(), delay_s=DELAY_S)
     compared = 0

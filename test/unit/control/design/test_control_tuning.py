@@ -94,8 +94,10 @@ def test_tune_pdp___every_start___ends_at_the_same_gains(
 
 
 def test_tune_pdp___certificate___is_what_its_parts_say(flipped: PdpTuning) -> None:
-    for told, model in zip(flipped.margins, FLIPPED_MODELS, strict=True):
-        assert _figures(told) == pytest.approx(_figures(margins(model, flipped.gains)), rel=1e-6)
+    for reported, model in zip(flipped.margins, FLIPPED_MODELS, strict=True):
+        assert _figures(reported) == pytest.approx(
+            _figures(margins(model, flipped.gains)), rel=1e-6
+        )
     assert all(found.gain_margin_db > 9.99 for found in flipped.margins)
     assert all(found.phase_margin_deg > 54.99 for found in flipped.margins)
     parts = 0.5 * sum(flipped.error_itae) + 0.5 * sum(flipped.strain_itae)
@@ -121,9 +123,9 @@ def test_tune_pdp___feasible_neighbours___are_no_better(flipped: PdpTuning) -> N
 def test_tune_pdp___delay___is_part_of_margins_and_responses() -> None:
     tuning = tune_pdp(PRINTED_MODELS[:1], delay_s=0.002, starts=[PdpGains(0.3, 1.0, 0.1)])
 
-    (told,) = tuning.margins
+    (reported,) = tuning.margins
     expected = margins(PRINTED_MODELS[0], tuning.gains, delay_s=0.002)
-    assert _figures(told) == pytest.approx(_figures(expected), rel=1e-6)
+    assert _figures(reported) == pytest.approx(_figures(expected), rel=1e-6)
     stepped = _stepped_criterion([delayed(PRINTED_MODELS[0], 0.002)], tuning.gains, 1.0)
     assert tuning.criterion == pytest.approx(stepped, rel=1e-9)
 

@@ -244,15 +244,17 @@ def test_tune___whatever_the_law___explains_its_figures() -> None:
         assert re.search("searched|tried", said)
 
 
-@pytest.mark.parametrize(("law", "told"), [("pdp", "pdpc"), ("ilqr", "ilqr"), ("lqg", "lqg")])
+@pytest.mark.parametrize(("law", "reported"), [("pdp", "pdpc"), ("ilqr", "ilqr"), ("lqg", "lqg")])
 @pytest.mark.slow
 def test_tune___models_from_elsewhere___says_which_friction_the_law_makes_up_for(
-    law: str, told: str
+    law: str, reported: str
 ) -> None:
     result = tune({"out/arm.yaml arm": identified_model()}, TuneRequest(law))
-    usual = {spec.name: spec.default for spec in LAWS[told].parameters}
-    level_v = result.parameters.get(f"{told}.compensation_v", usual["compensation_v"])
-    assert result.notes[-1].startswith(f"{told}.compensation_v is {level_v} V, the friction of ")
+    usual = {spec.name: spec.default for spec in LAWS[reported].parameters}
+    level_v = result.parameters.get(f"{reported}.compensation_v", usual["compensation_v"])
+    assert result.notes[-1].startswith(
+        f"{reported}.compensation_v is {level_v} V, the friction of "
+    )
     assert "set it to the level that identify finds, or to 0" in result.notes[-1]
 
 

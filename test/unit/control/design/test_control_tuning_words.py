@@ -39,11 +39,11 @@ def tuned(ends: Ends) -> PdpTuning:
         ([(4.0, 1.0, True), (4.5, 0.9, False)], "1 of 2 .*no other start confirms.*with care"),
     ],
 )
-def test_starts___that_agree_or_not___are_told_with_what_to_do(ends: Ends, words: str) -> None:
+def test_starts___that_agree_or_not___are_reported_with_what_to_do(ends: Ends, words: str) -> None:
     assert re.search(words, confirmation(tuned(ends)))
 
 
-def test_bound___that_stops_the_search___is_told_with_what_to_do() -> None:
+def test_bound___that_stops_the_search___is_reported_with_what_to_do() -> None:
     assert stopped_by(()) == "active: none"
     assert stopped_by(("gain margin of model 1",)) == "active: gain margin of model 1"
     said = stopped_by(("gain margin of model 1", "bound of kp"))
@@ -62,7 +62,7 @@ def test_bound___that_stops_the_search___is_told_with_what_to_do() -> None:
         (PiGains(0.3, 0.2), ("bound of ki",), "active: bound of ki; the best gain may lie beyond"),
     ],
 )
-def test_pi___at_a_bound___is_told_with_what_it_means(
+def test_pi___at_a_bound___is_reported_with_what_it_means(
     gains: PiGains, active: tuple[str, ...], words: str
 ) -> None:
     assert pi_stopped_by(PiTuning(gains, 1.0, active, ())).startswith(words)

@@ -183,7 +183,7 @@ def test_friction___is_held_while_it_is_constant_and_not_when_it_reverses(
 
 
 @pytest.mark.parametrize(("limit_v", "first_v"), [(1.0, 3.0), (100.0, 60.0)])
-def test_observer_of_an_exact_model___told_what_was_sent___is_the_state_of_the_arm(
+def test_observer_of_an_exact_model___that_hears_what_was_sent___is_the_state_of_the_arm(
     limit_v: float, first_v: float
 ) -> None:
     """Behind a limit of the gate, and at 100 V behind the law's own 10 V."""

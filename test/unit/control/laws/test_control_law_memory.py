@@ -87,7 +87,7 @@ def test_handover___with_the_memory_of_another___fades_on() -> None:
     assert answers(second, 53, 120) == answers(first, 53, 120)
 
 
-def test_handover___told_between_two_laws___fades_from_the_command_in_force() -> None:
+def test_handover___recorded_between_two_laws___fades_from_the_command_in_force() -> None:
     first = fresh("pd")
     answers(first, 0, 50)
     first.replace(build_law("pdp"))

@@ -73,7 +73,7 @@ def test_laws_of_several_files___have_their_parameters_and_answer(
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("LAWS = (1,)", "it has no tuple LAWS of LawSpec rows"),
         ("", "it has no tuple LAWS of LawSpec rows"),
@@ -106,9 +106,9 @@ def test_laws_of_several_files___have_their_parameters_and_answer(
     ],
 )
 def test_file_with_no_law___is_refused_with_its_place(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, text: str, told: str
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, text: str, reported: str
 ) -> None:
-    with pytest.raises(SettingError, match=told):
+    with pytest.raises(SettingError, match=reported):
         found(monkeypatch, write(tmp_path, text))
 
 

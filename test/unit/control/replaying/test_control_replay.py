@@ -51,7 +51,7 @@ def test_replay___of_the_recorded_law___is_equal_to_the_bit() -> None:
     assert found.largest_v == 0.0
 
 
-def test_replay___gain_that_was_changed_and_not_told___is_named_at_its_first_sample() -> None:
+def test_replay___gain_that_was_changed_and_not_recorded___is_named_at_its_first_sample() -> None:
     run = pd_run(40)
     for k in range(40, SAMPLES):
         run.answer(k, pd_answer(outputs(k), 0.5, 1.01))
@@ -68,10 +68,10 @@ def test_replay___gain_that_was_changed_and_not_told___is_named_at_its_first_sam
     assert found.largest_v == pytest.approx(expected_v)
 
 
-def test_replay___gain_that_was_changed_and_told___is_honoured_with_its_fade() -> None:
+def test_replay___gain_that_was_changed_and_reported___is_honoured_with_its_fade() -> None:
     run = pd_run(40)
     last = sum(pd_answer(outputs(39), 0.5, 1.0))
-    run.tell(40, pd_parameters(2.5), reference_v=0.5, handover=(last, 0.0, 1.0))
+    run.report(40, pd_parameters(2.5), reference_v=0.5, handover=(last, 0.0, 1.0))
     own = np.array([pd_answer(outputs(k), 0.5, 2.5) for k in range(40, SAMPLES)])
     efforts_v = faded(own.sum(axis=1), last) - own[:, 1]
     for k, answer in zip(range(40, SAMPLES), zip(efforts_v, own[:, 1], strict=True), strict=True):
@@ -86,10 +86,10 @@ def test_replay___gain_that_was_changed_and_told___is_honoured_with_its_fade() -
 
 def test_replay___difference_after_a_change___names_the_change() -> None:
     run = pd_run(40)
-    run.tell(40, pd_parameters(1.0, **{"pd.compensation_v": 0.8}), reference_v=0.5)
+    run.report(40, pd_parameters(1.0, **{"pd.compensation_v": 0.8}), reference_v=0.5)
     for k in range(40, 60):
         run.answer(k, pd_answer(outputs(k), 0.5, 1.0))
-    run.tell(60, pd_parameters(2.0), reference_v=0.5)
+    run.report(60, pd_parameters(2.0), reference_v=0.5)
     for k in range(60, SAMPLES):
         run.answer(k, pd_answer(outputs(k), 0.5, 3.0 if k == 70 else 2.0))
 
@@ -101,9 +101,9 @@ def test_replay___difference_after_a_change___names_the_change() -> None:
     assert (change.place.sequence, change.text) == (61, "pd.kp 1 to 2")
 
 
-def test_replay___set_point_that_was_told___is_honoured_from_its_sample_on() -> None:
+def test_replay___set_point_that_was_reported___is_honoured_from_its_sample_on() -> None:
     run = pd_run(30)
-    run.tell(30, pd_parameters(1.0), reference_v=-1.0)
+    run.report(30, pd_parameters(1.0), reference_v=-1.0)
     for k in range(30, SAMPLES):
         run.answer(k, pd_answer(outputs(k), -1.0, 1.0))
 
@@ -119,7 +119,7 @@ def test_replay___built_in_reference___begins_with_the_run_of_the_law() -> None:
         "square.period_s": 0.2,
     }
     run = ControlledRun()
-    run.tell(10, pd_parameters(1.0, **profile))
+    run.report(10, pd_parameters(1.0, **profile))
     for k in range(10, SAMPLES):
         reference_v = 2.0 if (k * PERIOD_NS * 1e-9) % 0.2 < 0.1 else -2.0
         run.answer(k, pd_answer(outputs(k), reference_v, 1.0))
@@ -129,13 +129,13 @@ def test_replay___built_in_reference___begins_with_the_run_of_the_law() -> None:
     assert (found.compared, found.differences) == (SAMPLES - 10, ())
 
 
-def pi_run(answered: list[int], told: list[int]) -> ControlledRun:
+def pi_run(answered: list[int], reported: list[int]) -> ControlledRun:
     """Return a run of the PI law (4-1) at 300 Hz to 0.5 V that tells its sum at some samples."""
     run, sum_v, last_v = ControlledRun(), 0.0, 0.0
     for k in answered:
-        if k in told:
+        if k in reported:
             fade = (last_v, 0.0, 0.0)
-            run.tell(k, PI_PARAMETERS, reference_v=0.5, handover=fade, integral_v_s=[sum_v])
+            run.report(k, PI_PARAMETERS, reference_v=0.5, handover=fade, integral_v_s=[sum_v])
         error_v = 0.5 - outputs(k)[0]
         sum_v += error_v / 300.0
         last_v = 0.4 * error_v + 0.5 * sum_v
@@ -144,7 +144,7 @@ def pi_run(answered: list[int], told: list[int]) -> ControlledRun:
 
 
 def test_replay___record_that_begins_in_mid_run___goes_on_from_the_memory() -> None:
-    record = pi_run(list(range(SAMPLES)), told=[0, 50]).record(SAMPLES)
+    record = pi_run(list(range(SAMPLES)), reported=[0, 50]).record(SAMPLES)
     late = replace(
         record,
         sequence=record.sequence[20:],
@@ -162,7 +162,7 @@ def test_replay___record_that_begins_in_mid_run___goes_on_from_the_memory() -> N
 
 def test_replay___unanswered_samples___are_no_step_of_the_law() -> None:
     answered = [k for k in range(SAMPLES) if k % 7]
-    record = pi_run(answered, told=[1]).record(SAMPLES)
+    record = pi_run(answered, reported=[1]).record(SAMPLES)
 
     found = replay(record, tolerance_v=CLOSE_V)
 
@@ -170,8 +170,8 @@ def test_replay___unanswered_samples___are_no_step_of_the_law() -> None:
 
 
 @pytest.mark.parametrize("lost", ["sample", "command"])
-def test_replay___lost_message___goes_on_at_the_next_law_that_was_told(lost: str) -> None:
-    record = pi_run(list(range(SAMPLES)), told=[0, 60]).record(SAMPLES)
+def test_replay___lost_message___goes_on_at_the_next_law_that_was_reported(lost: str) -> None:
+    record = pi_run(list(range(SAMPLES)), reported=[0, 60]).record(SAMPLES)
     if lost == "sample":
         answered = record.answered.copy()
         answered[30] = NOT_RECORDED
@@ -212,7 +212,7 @@ def test_replay___command_that_is_no_number___differs_at_any_tolerance(value_v: 
 
 def test_replay___memory_of_another_version___is_refused() -> None:
     run = ControlledRun()
-    run.tell(0, PI_PARAMETERS)
+    run.report(0, PI_PARAMETERS)
     run.answer(0, (0.0, 0.0))
 
     with pytest.raises(SettingError, match="memory of law pi is that of another version"):

@@ -134,12 +134,12 @@ def test_parameters___that_are_no_json___are_refused() -> None:
 
 
 def test_parameters___of_a_version_with_one_weight_for_all_states___are_those_of_a_list() -> None:
-    told = [
+    reported = [
         Setup.of(parameters_in(json.dumps({"law": "ilqr", "reference": "topic", name: value})))
         for name, value in (("ilqr.states", 0.02), ("ilqr.states", [0.02]))
     ]
 
-    answers = [each.law.step((1.0, 0.1, 0.1, 0.2), 3.0) for each in told]
+    answers = [each.law.step((1.0, 0.1, 0.1, 0.2), 3.0) for each in reported]
     assert answers[0] == pytest.approx(answers[1], rel=1e-9)
 
 
@@ -150,13 +150,13 @@ def test_parameters___of_a_law_on_a_model_file___have_the_model_and_not_its_plac
     save_model(file, identified_model(), name="printed", provenance={})
     values = {"law": "lqg", "reference": "topic", "lqg.model": str(file), "lqg.effort": 0.5}
 
-    told = Setup.of(values | {"pd.kp": 2.0}).text
+    reported = Setup.of(values | {"pd.kp": 2.0}).text
 
-    assert str(tmp_path) not in told
-    assert json.loads(told)["lqg.model"] == "my_arm"
+    assert str(tmp_path) not in reported
+    assert json.loads(reported)["lqg.model"] == "my_arm"
     file.unlink()
-    again = Setup.of(parameters_in(told))
-    assert again.text == told
+    again = Setup.of(parameters_in(reported))
+    assert again.text == reported
     assert again.rate_hz == pytest.approx(300.0, rel=1e-3)
 
 

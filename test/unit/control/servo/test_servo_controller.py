@@ -170,15 +170,15 @@ def test_hear___command_that_was_not_applied___corrects_the_expected_state(
     gains: ServoGains,
 ) -> None:
     free = replace(gains, levels=np.zeros(2))
-    told, limited = Servo(free), Servo(replace(free, limits=np.full(2, 0.1)))
+    reported, limited = Servo(free), Servo(replace(free, limits=np.full(2, 0.1)))
     y, r = [0.0, 0.0], [1.0, 1.0]
     for _ in range(300):
-        wanted = np.array(told.step(y, r))
-        told.hear(np.clip(wanted, -0.1, 0.1).tolist())
+        wanted = np.array(reported.step(y, r))
+        reported.hear(np.clip(wanted, -0.1, 0.1).tolist())
         limited.step(y, r)
 
     np.testing.assert_allclose(
-        np.clip(told.step(y, r), -0.1, 0.1), limited.step(y, r), rtol=0.0, atol=1e-9
+        np.clip(reported.step(y, r), -0.1, 0.1), limited.step(y, r), rtol=0.0, atol=1e-9
     )
 
 

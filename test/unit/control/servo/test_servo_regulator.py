@@ -86,7 +86,7 @@ def test_attainable___of_a_tip___is_half_of_its_zero_outside_the_circle() -> Non
 
 
 @pytest.mark.slow
-def test_design_servo___tip___is_told_what_is_attainable() -> None:
+def test_design_servo___tip___reports_what_is_attainable() -> None:
     limits = {"torque": 50.0}
     hub, tip = (
         design_servo([Source("arm", arm)], ServoRequest((track,), limits, 1.0))
@@ -263,7 +263,7 @@ def test_forward___mode_that_creeps___changes_no_gain_of_a_move() -> None:
     np.testing.assert_allclose(creeping, plain, rtol=1e-4, atol=1e-9)
 
 
-def test_design_servo___limit_that_hardly_moves_the_arm___is_told() -> None:
+def test_design_servo___limit_that_hardly_moves_the_arm___is_reported() -> None:
     request = ServoRequest(("hub",), {"torque": 1e-9})
     with pytest.raises(SettingError, match=r"a step would take .* s within .*say larger ones"):
         design_servo([Source("arm", bending_arm())], request)

@@ -94,7 +94,7 @@ def test_with_rigid_motion___friction_in_the_file___stays(
     assert with_rigid_motion(source, (0,)) == (source, ())
 
 
-def test_with_rigid_motion___better___tells_it(
+def test_with_rigid_motion___better___says_it(
     record: IoData, imitation: control.StateSpace
 ) -> None:
     source, (note,) = with_rigid_motion(Source("arm", imitation, None, record), (0,))

@@ -186,12 +186,12 @@ def test_setup___with_a_shaper_for_a_model___has_the_model_and_not_its_place(
     save_model(file, identified_model(), name="printed", provenance={})
     values = {**VALUES, "law": "lqg", "shaper_model": str(file), "lqg.model": str(file)}
 
-    told = Setup.of(values).text
+    reported = Setup.of(values).text
 
-    assert str(tmp_path) not in told
-    assert json.loads(told)["shaper_model"] == "shaper_my_arm"
+    assert str(tmp_path) not in reported
+    assert json.loads(reported)["shaper_model"] == "shaper_my_arm"
     file.unlink()
-    assert Setup.of(parameters_in(told)).text == told
+    assert Setup.of(parameters_in(reported)).text == reported
 
 
 def test_setup___of_a_shaper_at_another_rate___says_what_to_set() -> None:

@@ -73,7 +73,7 @@ def test_sensors_of_the_thesis___without_noise___are_those_of_its_rig() -> None:
     np.testing.assert_allclose(run(ALL, commands_v)[:, :4], expected, atol=1e-12)
 
 
-def test_camera___tells_what_was_there_before_its_delay() -> None:
+def test_camera___says_what_was_there_before_its_delay() -> None:
     commands_v = np.repeat([2.0, -2.0], 60)
     late = replace(ALL, delay_s=(0.0, 0.0, 0.0, 0.0, 0.01, 0.0))
     place = SENSORS.index("tip_rad")

@@ -128,7 +128,7 @@ def test_experiment___on_another_rig___has_its_rate_and_the_same_length() -> Non
     assert entry.input_text_on(rig) == "bounded random of 20 % of the limits"
 
 
-def test_closed_loop___on_another_rig___asks_for_its_gains_and_tells_joints_apart() -> None:
+def test_closed_loop___on_another_rig___asks_for_its_gains_and_distinguishes_joints() -> None:
     two = load_rig("mujoco-two-link")
     one = replace(two, joints=two.joints[:1])
     assert on_rig(experiment("C_dat2"), one).reference == "square"

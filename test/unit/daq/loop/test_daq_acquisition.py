@@ -252,7 +252,7 @@ def test_whatever_is_raised___leaves_the_drive_at_zero_and_says_why(
 
 
 @pytest.mark.parametrize("stops_at", [1, 3])
-def test_real_time___told_to_stop_in_a_long_period___does_not_wait_on(
+def test_real_time___asked_to_stop_in_a_long_period___does_not_wait_on(
     clock: Clock, monkeypatch: pytest.MonkeyPatch, stops_at: int
 ) -> None:
     """At a rate of a sample in some minutes, whenever it is told."""

@@ -37,13 +37,13 @@ def test_loop_that_is_well___has_none(clock: Clock) -> None:
     assert complaint(clock, never) == ""
 
 
-def test_commands_that_are_no_numbers___are_told(clock: Clock) -> None:
-    told = complaint(clock, at_once(lambda record: math.nan if record.sequence == 50 else 1.0))
-    assert told == "commands come that are not finite numbers: the drive is at zero for each"
+def test_commands_that_are_no_numbers___are_reported(clock: Clock) -> None:
+    reported = complaint(clock, at_once(lambda record: math.nan if record.sequence == 50 else 1.0))
+    assert reported == "commands come that are not finite numbers: the drive is at zero for each"
 
 
 @pytest.mark.parametrize("effort_v", [20.0, -1e9])
-def test_commands_that_are_all_limited___are_told_with_the_limit(
+def test_commands_that_are_all_limited___are_reported_with_the_limit(
     clock: Clock, effort_v: float
 ) -> None:
     assert complaint(clock, at_once(lambda _: effort_v)) == (
@@ -53,7 +53,7 @@ def test_commands_that_are_all_limited___are_told_with_the_limit(
     assert complaint(clock, mostly) == ""
 
 
-def test_commander_that_ends___is_told(clock: Clock) -> None:
+def test_commander_that_ends___is_reported(clock: Clock) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:
         return [(0.0, reply(record, 1.0))] if record.sequence <= 20 else []
 
@@ -62,9 +62,11 @@ def test_commander_that_ends___is_told(clock: Clock) -> None:
     )
 
 
-def test_commander_that_does_not_count___is_told(clock: Clock) -> None:
-    told = complaint(clock, lambda record: [(0.0, Command(7, record.sequence, (1.0,), (0.0,)))])
-    assert told.startswith("commands come and none is obeyed: their numbers (sequence) do not grow")
+def test_commander_that_does_not_count___is_reported(clock: Clock) -> None:
+    reported = complaint(clock, lambda record: [(0.0, Command(7, record.sequence, (1.0,), (0.0,)))])
+    assert reported.startswith(
+        "commands come and none is obeyed: their numbers (sequence) do not grow"
+    )
 
 
 def test_complaints___are_of_the_time_since_the_last_look(clock: Clock) -> None:
@@ -74,7 +76,7 @@ def test_complaints___are_of_the_time_since_the_last_look(clock: Clock) -> None:
     assert complaints.look(bench.acquisition) == ""
 
 
-def test_sample_that_waits_for_its_answer___is_told_while_it_does(
+def test_sample_that_waits_for_its_answer___is_reported_while_it_does(
     clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:

@@ -105,7 +105,7 @@ def test_law_that_hangs___drive_is_at_zero_meanwhile___and_is_driven_by_the_next
     work: str,
 ) -> None:
     rig = Rig()
-    told: list[float] = []
+    reported: list[float] = []
     law = HangingLaw(rig, work)
     watchdog = Watchdog(1.0 / RATE_HZ)
     loop = Acquisition(
@@ -116,7 +116,7 @@ def test_law_that_hangs___drive_is_at_zero_meanwhile___and_is_driven_by_the_next
         law,
         rate_hz=RATE_HZ,
         samples=14,
-        deadman=Deadman(watchdog.longest_answer_s, rig.safe_stop, told.append),
+        deadman=Deadman(watchdog.longest_answer_s, rig.safe_stop, reported.append),
     )
 
     loop.run(threading.Event())
@@ -132,12 +132,12 @@ def test_law_that_hangs___drive_is_at_zero_meanwhile___and_is_driven_by_the_next
     assert loop.safety.state is DriveState.OFF
 
 
-def test_answer_that_takes_long___is_told_once_a_second() -> None:
-    released, told = threading.Event(), threading.Event()
-    with Deadman(0.05, released.set, lambda _: told.set()) as deadman:
+def test_answer_that_takes_long___is_reported_once_a_second() -> None:
+    released, reported = threading.Event(), threading.Event()
+    with Deadman(0.05, released.set, lambda _: reported.set()) as deadman:
         deadman.begin()
         assert released.wait(PATIENCE_S)
-        assert told.wait(PATIENCE_S)
+        assert reported.wait(PATIENCE_S)
         assert deadman.end()
         assert deadman.has_released()
         assert not deadman.has_released()
@@ -151,21 +151,21 @@ def test_answer_in_time___changes_nothing() -> None:
         assert not deadman.has_released()
 
 
-def test_answer_that_never_comes___is_told_again_in_each_second(
+def test_answer_that_never_comes___is_reported_again_in_each_second(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     second_s = 0.1
-    monkeypatch.setattr("flexarm_daq.loop.deadman._TELLING_S", second_s)
-    thrice, told = threading.Event(), []
+    monkeypatch.setattr("flexarm_daq.loop.deadman._REPORT_S", second_s)
+    thrice, reported = threading.Event(), []
 
-    def tell(passed_s: float) -> None:
-        told.append(passed_s)
-        if len(told) == 3:
+    def report(passed_s: float) -> None:
+        reported.append(passed_s)
+        if len(reported) == 3:
             thrice.set()
 
-    with Deadman(0.01, lambda: None, tell) as deadman:
+    with Deadman(0.01, lambda: None, report) as deadman:
         deadman.begin()
         assert thrice.wait(PATIENCE_S)
         deadman.end()
 
-    assert np.diff([0.0, *told[:3]]).min() > second_s
+    assert np.diff([0.0, *reported[:3]]).min() > second_s

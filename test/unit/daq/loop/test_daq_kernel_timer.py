@@ -41,7 +41,7 @@ def test_set___once_more___takes_the_place_of_the_former_time() -> None:
     timer.close()
 
 
-def test_kernel_without_timers___is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernel_without_timers___is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deadman, "_TFD_CLOEXEC", -1)
     with pytest.raises(OSError, match="Invalid argument"):
         KernelTimer()

@@ -59,7 +59,7 @@ def test_samples___are_the_exact_number_of_readings(clock: Clock, samples: int) 
     assert bench.acquisition.sequence == samples
 
 
-def test_no_limit_on_samples___runs_until_told_to_stop(clock: Clock) -> None:
+def test_no_limit_on_samples___runs_until_asked_to_stop(clock: Clock) -> None:
     stop = threading.Event()
 
     def answer(record: Record) -> list[tuple[float, Command]]:
@@ -165,7 +165,7 @@ def test_pace___commander_that_comes_late___is_waited_for_from_its_first_command
     )
 
 
-def test_pace___told_to_stop_in_a_long_period___does_not_wait_on(clock: Clock) -> None:
+def test_pace___asked_to_stop_in_a_long_period___does_not_wait_on(clock: Clock) -> None:
     stop = threading.Event()
     bench = Bench(
         clock,
@@ -257,7 +257,7 @@ def test_answer_to_no_sample___is_refused(clock: Clock) -> None:
     assert bench.acquisition.unanswered == 2
 
 
-def test_first_record___tells_when_the_rigs_time_began() -> None:
+def test_first_record___says_when_the_rigs_time_began() -> None:
     record = Record(1, 0.25, 100.0, np.zeros(4), (0.0,), (0.0,), 0)
     assert record.start_ns(now_ns=5_000_000_000, now_s=100.5) == 4_250_000_000
 
@@ -272,7 +272,7 @@ def test_lock_step___nobody_answers___every_second_sample_has_spare_time(clock: 
     assert np.diff([0, *bench.link.spared, 9]).max() <= 2
 
 
-def test_lock_step___told_to_stop_while_a_sample_waits___does_not_wait_on(clock: Clock) -> None:
+def test_lock_step___asked_to_stop_while_a_sample_waits___does_not_wait_on(clock: Clock) -> None:
     stop = threading.Event()
     bench = Bench(clock, never, virtual=True, samples=0)
     publish, wait = bench.link.publish, bench.link.wait

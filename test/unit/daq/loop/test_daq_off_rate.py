@@ -51,15 +51,15 @@ def test_rig_that_reads_at_once___paced_by_the_node___is_in_time(*, counts: bool
     assert off_rate(counts=counts) == ""
 
 
-def test_rig_that_reads_at_once___though_it_has_a_clock___is_told() -> None:
+def test_rig_that_reads_at_once___though_it_has_a_clock___is_reported() -> None:
     # The loop leaves 0.2 ms of each period to the rig.
     rate_hz = 1.0 / (PERIOD_S - 2e-4)
     assert off_rate(by_rig=True) == f"{rate_hz:.1f} Hz by the machine's clock, for rate_hz = 256"
 
 
-def test_rig_whose_times_are_of_another_rate___is_told() -> None:
-    told = off_rate(rate_hz=512.0, counts=True)
-    assert told == "256.0 Hz by the rig's clock, for rate_hz = 512"
+def test_rig_whose_times_are_of_another_rate___is_reported() -> None:
+    reported = off_rate(rate_hz=512.0, counts=True)
+    assert reported == "256.0 Hz by the rig's clock, for rate_hz = 512"
 
 
 def test_virtual_time___at_another_pace___is_in_time() -> None:

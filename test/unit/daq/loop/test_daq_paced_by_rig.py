@@ -131,9 +131,9 @@ def test_rate___that_the_board_keeps___is_no_complaint(
     assert run(monkeypatch, drift).off_rate == ""
 
 
-def test_rate___of_a_board_that_is_too_fast___is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    told = run(monkeypatch, 1e-2).off_rate
-    assert told == "505.0 Hz by the machine's clock, for rate_hz = 500"
+def test_rate___of_a_board_that_is_too_fast___is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    reported = run(monkeypatch, 1e-2).off_rate
+    assert reported == "505.0 Hz by the machine's clock, for rate_hz = 500"
 
 
 def test_machine_stalls___lost_samples_are_counted_and_the_loop_is_in_phase_again(

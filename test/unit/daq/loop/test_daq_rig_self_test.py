@@ -104,7 +104,7 @@ def test_two_joints___pulsed_in_turn___are_right() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rig", "told"),
+    ("rig", "reported"),
     [
         (
             FreeJoints(lambda y: y * [1.0, -1.0, 1.0, -1.0, 1.0]),
@@ -149,10 +149,12 @@ def test_two_joints___pulsed_in_turn___are_right() -> None:
         "crossed",
     ],
 )
-def test_two_joints___with_a_fault___are_refused_with_its_name(rig: FreeJoints, told: str) -> None:
+def test_two_joints___with_a_fault___are_refused_with_its_name(
+    rig: FreeJoints, reported: str
+) -> None:
     with pytest.raises(SelfTestError) as raised:
         run_two(rig)
-    assert str(raised.value) == f"self-test: {told}"
+    assert str(raised.value) == f"self-test: {reported}"
     assert rig.written[-1] == (0.0, 5.0)
 
 
@@ -228,7 +230,7 @@ def test_joint___of_uneven_ends_and_negative_sign___is_right() -> None:
     np.testing.assert_allclose([written[:, 1].min(), written[:, 1].max()], [0.4, 1.6])
 
 
-def test_joint___of_negative_sign_that_turns_the_other_way___is_told_to_set_the_sign() -> None:
+def test_joint___of_negative_sign_that_turns_the_other_way___is_asked_to_set_the_sign() -> None:
     with pytest.raises(SelfTestError, match=r"set sign: 1 for joint hub$"):
         run_uneven(Uneven(gain=-200.0))
 
@@ -271,7 +273,7 @@ def test_check_possible___input_that_rests_at_an_end___says_so() -> None:
         check_possible(one_way, 300.0, 10.0)
 
 
-def test_joint___without_any_sensor___is_told_and_not_passed() -> None:
+def test_joint___without_any_sensor___is_reported_and_not_passed() -> None:
     blind = FreeJoints()
     setattr(blind, "absent_channels", ("hub1", "rate1"))  # noqa: B010 - as a driver of a user has it
     with pytest.raises(SelfTestError, match="joint one has no sensor that could answer"):

@@ -121,8 +121,8 @@ def test_channel_without_a_sensor___is_no_fault_and_the_others_are_judged(absent
     broken = (absent + 1) % 4
     both = Rewired(scaled(broken, -1.0), rig)
     both.absent_channels = rig.absent_channels
-    told = rf"^self-test: {CHANNEL_NAMES[broken]} \(ACH{broken}\) answers .* the wrong sign"
-    with pytest.raises(SelfTestError, match=told):
+    reported = rf"^self-test: {CHANNEL_NAMES[broken]} \(ACH{broken}\) answers .* the wrong sign"
+    with pytest.raises(SelfTestError, match=reported):
         run(both)
 
 
@@ -153,12 +153,12 @@ def test_swapped_gauges___are_both_refused() -> None:
         run(Rewired(lambda volts: volts[[0, 2, 1, 3]]))
 
 
-def test_inverted_drive___is_told_from_inverted_channels() -> None:
+def test_inverted_drive___is_distinguished_from_inverted_channels() -> None:
     with pytest.raises(SelfTestError, match=r"every channel.*direction \(DAC1\) is inverted"):
         run(Rewired(lambda volts: volts, drive=-1.0))
 
 
-def test_drive_without_power___is_told_from_dead_channels() -> None:
+def test_drive_without_power___is_distinguished_from_dead_channels() -> None:
     with pytest.raises(SelfTestError, match=r"no channel answers.*magnitude \(DAC0\)"):
         run(Rewired(lambda volts: volts, drive=0.0))
 

@@ -60,7 +60,7 @@ def closed(recording: Recording, bag: Path) -> tuple[list[bytes], list[bytes]]:
     return found[NAMES[STATE]], found[NAMES[COMMAND]]
 
 
-def test_end___what_comes_after_it___is_told_by_its_time_of_sending(
+def test_end___what_comes_after_it___is_reported_by_its_time_of_sending(
     recording: Recording, bag: Path
 ) -> None:
     recording.end(3 * MS)

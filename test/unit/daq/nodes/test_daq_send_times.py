@@ -24,7 +24,7 @@ def heard(offsets: list[int], delays_ms: list[float]) -> SendTimes:
 
 
 @pytest.mark.parametrize("offset", [0, 1_700_000_000_000 * MS, HOUR, -HOUR])
-def test_message___sent_before_or_after_the_stop___is_told_for_any_clock(offset: int) -> None:
+def test_message___sent_before_or_after_the_stop___is_reported_for_any_clock(offset: int) -> None:
     times = heard([offset] * 100, [0.3 + 5.0 * (k % 7) for k in range(100)])
     for before_ms in (0.4, 1.0, 100.0):
         assert times.was_sent_before(STEADY - round(before_ms * MS) + offset, STEADY, RECEIVED)

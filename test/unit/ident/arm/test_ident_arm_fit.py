@@ -114,7 +114,7 @@ def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
         (0.5, 0.15, BOTH),
     ],
 )
-def test_fit___friction_of_each_rung___is_told_by_halves_left_out(
+def test_fit___friction_of_each_model___is_chosen_by_halves_left_out(
     rise: float, load: float, friction_model: FrictionModel
 ) -> None:
     record = rubbing_arm(ONE, rise=rise, load=load, seed=1)

@@ -48,20 +48,20 @@ def test_notes___integrator___does_not_grow(rounding: float) -> None:
     assert notes(fit(1.0 + rounding, 0.5)) == ()
 
 
-def test_notes___free_hub___is_told_by_the_input_that_drives_it() -> None:
+def test_notes___free_hub___is_reported_by_the_input_that_drives_it() -> None:
     (note,) = notes(replace(fit(1.0, 0.5), free_hubs=(0,)))
     assert note == "no stiffness holds what u[0] drives: the model integrates there"
 
 
 @pytest.mark.parametrize(
-    ("rise", "told"), [(0.3, ", 0.66 to 0.7 with the rise at standstill"), (0, "")]
+    ("rise", "reported"), [(0.3, ", 0.66 to 0.7 with the rise at standstill"), (0, "")]
 )
-def test_notes___vague_level___is_told_with_what_holds_at_standstill(
-    rise: float, told: str
+def test_notes___vague_level___is_reported_with_what_holds_at_standstill(
+    rise: float, reported: str
 ) -> None:
     ranges = np.array([[[0.35, 0.63], [0.9 * rise, rise], [0.1, 0.1], [0, 0], [0.66, 0.7]]])
     (note,) = notes(replace(fit(0.5), law_ranges=ranges))
     assert note.startswith(
         "the friction level of u[0] is not determined by the record: 0.35 to 0.63 simulate it "
-        f"equally well{told}; record slow reversals"
+        f"equally well{reported}; record slow reversals"
     )

@@ -46,10 +46,10 @@ def test_run___unstable_plant_in_its_loop___next_step_keeps_it_unstable(
     data = in_its_loop(plant, 0.05, seed)
     found = run(data, Request(reduction="none")).verdict
     assert found.error > 0.5
-    told = re.search(r"--keep-unstable --to ([0-9.]+)s", found.next_step)
-    assert told
+    reported = re.search(r"--keep-unstable --to ([0-9.]+)s", found.next_step)
+    assert reported
     kept = run(
-        data.head(round(float(told[1]) / data.dt_s)), Request(stabilise=False)
+        data.head(round(float(reported[1]) / data.dt_s)), Request(stabilise=False)
     ).identification
     pole = float(np.abs(np.linalg.eigvals(kept.model.A)).max())
     growth = float(np.linalg.eigvals(plant[0]).real.max())

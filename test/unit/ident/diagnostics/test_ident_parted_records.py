@@ -49,7 +49,9 @@ def test_assess___records_of_their_own___each_is_judged_for_its_offset() -> None
     assert [each.record for each in found if each.code == "offset"] == ["other"]
 
 
-def test_assess___drive_held_but_in_a_short_stretch___is_told_without_a_warning_of_numpy() -> None:
+def test_assess___drive_held_but_in_a_short_stretch___is_reported_without_a_warning_of_numpy() -> (
+    None
+):
     data = record(random_model(7, inputs=1), 1000, seed=4, noise=0.01)
     u, y = data.u.copy(), data.y.copy()
     u[15:] = 0.0

@@ -50,7 +50,7 @@ def test_plant_differs___other_offset_of_a_sensor___is_no_other_plant(offset: fl
     assert not list(differences([first, shifted]))
 
 
-def test_plant_differs___records_without_names___are_told_apart() -> None:
+def test_plant_differs___records_without_names___are_distinguished() -> None:
     records = [replace(loaded(seed, factor), source="") for seed, factor in ((0, 1.0), (1, 0.8))]
     assert [each.code for each in differences(records)] == ["plant_changed"]
 

@@ -148,7 +148,7 @@ def test_assess___extreme_that_is_no_limit___is_not_called_saturated(x: Array) -
 
 
 @pytest.mark.parametrize("part", [0.7, 0.6, 0.5])
-def test_assess___rubbing_joint_is_cut_off___limit_is_told_from_rests(part: float) -> None:
+def test_assess___rubbing_joint_is_cut_off___limit_is_distinguished_from_rests(part: float) -> None:
     clean = response(square_wave(SAMPLES, 7))
     y = clean.y.copy()
     y[:, 1] = resting_at_turns(np.random.default_rng(7))
@@ -190,7 +190,7 @@ def test_assess___blows_of_a_hammer___are_an_input(rest: float, blows: int) -> N
         assert found["constant_channel"].grade == Grade.CAUTION
 
 
-def test_assess___channel_without_a_sensor___is_told_without_a_ban() -> None:
+def test_assess___channel_without_a_sensor___is_reported_without_a_ban() -> None:
     clean = response(square_wave(SAMPLES, 9))
     y = clean.y * np.array([1.0, 0.0, 1.0, 1.0])
     (found,) = warnings(replace(clean, y=y)).values()
@@ -328,11 +328,11 @@ def test_assess___declared_controller___is_reported_with_the_evidence(
 def test_assess___feedthrough_plant_in_open_loop___needs_the_declaration() -> None:
     data = record(random_model(15, feedthrough=True), SAMPLES, 15, noise=0.05)
     gram = block_gram([data], BLOCK_ROWS)
-    (told,) = assess([data], gram)
-    assert told.code == "feedback"
+    (reported,) = assess([data], gram)
+    assert reported.code == "feedback"
     assert not assess([data], gram, feedthrough=True)
     # The choice of a method asks later inputs alone: the words of both have to agree.
     chosen = select_method([data], BLOCK_ROWS, closed_loop=False)
     assert "later inputs are not correlated with the outputs' noise" in chosen.reason
-    assert "later ones do not" in told.text
-    assert "closed-loop data" not in told.text
+    assert "later ones do not" in reported.text
+    assert "closed-loop data" not in reported.text

@@ -62,7 +62,7 @@ def with_holes(holes: list[slice], lost: float) -> IoData:
 
 
 @pytest.mark.parametrize("lost", [0, 42, 43])
-def test_holes_of_one_channel___are_told_unless_all_lack_them(lost: float) -> None:
+def test_holes_of_one_channel___are_reported_unless_all_lack_them(lost: float) -> None:
     record = with_holes([slice(100, 102), slice(200, 201), slice(300, 340)], lost)
     found = list(unmeasured(record))
     assert len(found) == (lost < 43)
@@ -77,7 +77,7 @@ def test_holes_of_one_channel___are_told_unless_all_lack_them(lost: float) -> No
         assert (each.figures["missing"], each.figures["left_out"]) == (43.0, 40.0)
 
 
-def test_holes_of_several_channels___are_told_once_where_they_are_the_same() -> None:
+def test_holes_of_several_channels___are_reported_once_where_they_are_the_same() -> None:
     y = np.random.default_rng(3).normal(size=(1000, 3))
     y[100:102], y[500, 2] = np.nan, np.nan
     u = np.ones((1000, 1))
@@ -232,7 +232,7 @@ def test_outliers___blows_that_the_outputs_answer___are_none() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_input_and_output___of_exchanged_names___are_told(seed: int) -> None:
+def test_input_and_output___of_exchanged_names___are_reported(seed: int) -> None:
     data = answer(DRIVES["white"](np.random.default_rng(seed)), seed)
     exchanged = IoData(data.y[:, 3:], data.u, dt_s=DT_S, inputs=("y",), outputs=("u",))
     (found,) = (each for each in answer_defects(exchanged) if "exchange" in each.text)
@@ -241,7 +241,7 @@ def test_input_and_output___of_exchanged_names___are_told(seed: int) -> None:
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.2])
-def test_counter___as_an_input___is_told(jitter: float) -> None:
+def test_counter___as_an_input___is_reported(jitter: float) -> None:
     data = answer(DRIVES["white"](np.random.default_rng(24)), 24)
     k = np.arange(SAMPLES) + jitter * np.random.default_rng(25).uniform(-1.0, 1.0, SAMPLES)
     counted = IoData(np.mod(5.0 * k, 25600.0), data.y, dt_s=DT_S, inputs=("n",))

@@ -93,7 +93,7 @@ def test_stabilisation___growing_or_overdamped___fails_the_hard_criterion(
     assert diagram.modes == ()
 
 
-def test_stabilisation___two_modes_of_equal_frequency___are_told_by_their_shapes() -> None:
+def test_stabilisation___two_modes_of_equal_frequency___are_distinguished_by_their_shapes() -> None:
     both = matrices((10.0, 0.03, (1.0, 0.0)), (10.02, 0.03, (0.0, 1.0)))
     diagram = stabilisation(dict.fromkeys(range(4, 14), both), ONES, DT_S)
     assert [mode.count for mode in diagram.modes] == [9, 9]

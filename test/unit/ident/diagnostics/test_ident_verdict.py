@@ -69,7 +69,7 @@ def test_verdict___model_worse_than_the_mean___is_not_usable_in_its_first_words(
     assert "(could be removed by a better linear model). Next: try another method" in text
 
 
-def test_verdict___unknown_share___is_not_told() -> None:
+def test_verdict___unknown_share___is_not_reported() -> None:
     text = judged(0.3, missed=np.nan, validation=ESTIMATION_DATA)[1]
     assert text.startswith("usable: fit 70.0 % (NRMSE, simulation, estimation data). Next: ")
     assert "coherent" not in text

@@ -22,7 +22,7 @@ def test_kinds___of_all_modules___have_the_codes_that_programs_know() -> None:
     assert len(set(defined.values())) == len(defined)
 
 
-def test_kinds___for_report_and_docs___are_told_in_one_line_each() -> None:
+def test_kinds___for_report_and_docs___are_reported_in_one_line_each() -> None:
     for kind in kinds().values():
         assert kind.title[0].isupper()
         for words in (kind.when, kind.remedy):
@@ -35,7 +35,7 @@ def test_identification_page___has_the_table_of_the_registry() -> None:
     assert "<!-- table of data warnings -->" in (PROJECT / "docs/validation.md").read_text()
 
 
-def test_kind___called___has_its_code_and_grade_unless_told() -> None:
+def test_kind___called___has_its_code_and_grade_unless_given() -> None:
     kind = Kind("leak", "Leak", "it drips", "close it", Grade.INFORMATION)
     assert (kind("drips").code, kind("drips").grade) == ("leak", Grade.INFORMATION)
     assert kind("pours", {"l": 3.0}, grade=Grade.CAUTION).grade == Grade.CAUTION

@@ -116,7 +116,7 @@ def test_modes___of_a_free_decay___have_the_logarithmic_decrement() -> None:
     assert mode.damping_ratio * 2.0 * np.pi * 6.0 == pytest.approx(decrement, rel=0.05)
 
 
-def test_lines___of_rotating_parts___are_told_from_modes() -> None:
+def test_lines___of_rotating_parts___are_reported_from_modes() -> None:
     y = accelerations(CASES["white noise"][0], white(60.0, 200.0, 1), 200.0)
     t = np.arange(len(y)) / 200.0
     y[:, 0] += np.sin(2.0 * np.pi * 11.0 * t)

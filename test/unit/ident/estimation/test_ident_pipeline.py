@@ -123,7 +123,7 @@ def test_identify___unstable_plant___eigenvalue_is_moved_and_reported(seed: int,
     assert f"information: {note}" in found.warnings
 
 
-def test_identify___plant_far_outside_the_circle___is_told_how_to_be_kept() -> None:
+def test_identify___plant_far_outside_the_circle___is_given_the_option_that_keeps_it() -> None:
     A, B, C = np.diag([1.02, 0.8]), np.ones((2, 1)), np.array([[1.0, 0.5]])
     data = record(control.ss(A, B, C, 0.0, 0.01, inputs=["u"], outputs=["y"]), 300, seed=4)
     (note,) = identify(data, order=2, block_rows=10, method="orse").notes
@@ -146,7 +146,7 @@ def test_identify___plant_far_outside_the_circle___is_told_how_to_be_kept() -> N
         (None, {"refine": None}, "refine must be True or False, got None"),
     ],
 )
-def test_identify___what_a_type_checker_would_refuse___is_told(
+def test_identify___what_a_type_checker_would_refuse___is_reported(
     data: Any,  # noqa: ANN401 - what a user may give
     options: dict[str, Any],
     message: str,

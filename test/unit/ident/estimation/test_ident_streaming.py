@@ -327,7 +327,7 @@ def test_identify___ten_times_the_samples___takes_no_more_memory(method: str) ->
     assert peaks[1] < 40e6
 
 
-def test_without_bias___offset_beyond_all_signal___is_removed_and_told() -> None:
+def test_without_bias___offset_beyond_all_signal___is_removed_and_reported() -> None:
     data = record(random_model(1), 500, seed=1)
     far = replace(data, y=data.y + 1e6)
     part = without_bias(Pieces(far, [97]))

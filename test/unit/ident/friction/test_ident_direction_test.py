@@ -20,13 +20,13 @@ SEEDS = range(4)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_direction___arm_without_friction___tells_nothing(seed: int) -> None:
+def test_direction___arm_without_friction___says_nothing(seed: int) -> None:
     found = identify(driven_arm(0.0, noise=0.05, seed=seed))
     assert found.likelihood is not None
     assert not recurs_with_direction(found.likelihood, found.records, [DRIVE])
 
 
-def test_direction___loop_around_an_arm_without_friction___tells_nothing() -> None:
+def test_direction___loop_around_an_arm_without_friction___says_nothing() -> None:
     found = identify(rubbing_arm((1e-9,), seed=1))
     assert found.likelihood is not None
     assert not recurs_with_direction(found.likelihood, found.records, [DRIVE])
@@ -36,13 +36,13 @@ def test_direction___loop_around_an_arm_without_friction___tells_nothing() -> No
 @pytest.mark.slow
 def test_direction___friction_that_passes_for_noise___recurs(level: float, rise: float) -> None:
     found = [identify(driven_arm(level, rise=rise, noise=0.05, seed=seed)) for seed in SEEDS]
-    told = [
+    reported = [
         recurs_with_direction(each.likelihood, each.records, [DRIVE])
         for each in found
         if each.likelihood is not None
     ]
-    assert told
-    assert all(told)
+    assert reported
+    assert all(reported)
 
 
 @pytest.mark.slow

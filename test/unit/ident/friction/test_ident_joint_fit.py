@@ -198,16 +198,16 @@ def test_friction_of_a_drive___net_record___lacks_it_where_the_drive_slips() -> 
 def test_arm_without_friction___fit___ends_with_the_first_prediction() -> None:
     record = _record(4000, level=0.0)
     start = identify(record, friction=False, method="pbsid", order=4)
-    told: list[float] = []
+    reported: list[float] = []
 
     fit = fit_joints(
         *(start.model, [[(start.model, start.x0[0])]], record, (Drive("torque", "encoder"),)),
         np.array([LEVEL]),
-        progress=lambda _stage, part: told.append(part),
+        progress=lambda _stage, part: reported.append(part),
     )
 
     assert fit is None
-    assert not told
+    assert not reported
 
 
 def test_orders_without_a_start___fit___is_none() -> None:

@@ -66,7 +66,7 @@ def test_named_columns__other_name___is_that_in_the_bag(tmp_path: Path) -> None:
         ("t i q x", ["i"], ["q"], r"numbers alone"),
     ],
 )
-def test_named_columns__what_tells_no_record___is_refused(
+def test_named_columns__what_names_no_record___is_refused(
     tmp_path: Path, header: str, inputs: list[str], outputs: list[str], words: str
 ) -> None:
     with pytest.raises(CsvImportError, match=words):
@@ -83,13 +83,13 @@ def test_column_names__sentences_in_comments___are_none(tmp_path: Path) -> None:
     assert names == ["column_1", "column_2", "column_3", "column_4"]
 
 
-def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:
+def test_named_columns__missing_file___is_reported(tmp_path: Path) -> None:
     with pytest.raises(CsvImportError, match=r"run\.csv: cannot be read as CSV"):
         named_columns(tmp_path / "run.csv", TableColumns(("i",), ("q",)))
 
 
 @pytest.mark.parametrize(
-    ("own", "told"),
+    ("own", "reported"),
     [
         (lambda k: 0.02 * k + 7.0, True),
         (lambda k: 0.010001 * k + 7.0, False),
@@ -100,14 +100,14 @@ def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:
     ],
     ids=["half the rate", "same rate", "nanoseconds", "constant", "backwards", "count"],
 )
-def test_other_clocks___second_device_in_the_rows___is_told(
-    tmp_path: Path, *, own: Callable[[int], float], told: bool
+def test_other_clocks___second_device_in_the_rows___is_reported(
+    tmp_path: Path, *, own: Callable[[int], float], reported: bool
 ) -> None:
     rows = [f"{0.01 * k},{k % 3},{k % 7},{own(k)!r}" for k in range(50)]
     (tmp_path / "run.csv").write_text("\n".join(["t,u,q,t_imu", *rows]) + "\n")
     mapping = named_columns(tmp_path / "run.csv", TableColumns(("u",), ("q",)))
     notes = csv_record(tmp_path / "run.csv", mapping).notes
-    assert any("t_imu is a clock of another rate than t" in note for note in notes) == told
+    assert any("t_imu is a clock of another rate than t" in note for note in notes) == reported
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_other_clocks___second_device_in_the_rows___is_told(
         ("q,i,t,x", {"rate_hz": 10.0}, "t"),
     ],
 )
-def test_unused_time___map_with_a_rate_alone___is_told(
+def test_unused_time___map_with_a_rate_alone___is_reported(
     tmp_path: Path, header: str, mapping: dict[str, float | str], unused: str
 ) -> None:
     channels = (CsvChannel("i", "i"),), (CsvChannel("q", "q"),)

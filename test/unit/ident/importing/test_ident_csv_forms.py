@@ -38,9 +38,9 @@ def joined(head: str, separator: str, rows: Sequence[Sequence[str]], foot: str =
 
 
 def cells(time: Callable[[int], str] | None = None, mark: str = ".") -> list[list[str]]:
-    told = [[f"{x:.4f}".replace(".", mark) for x in row] for row in signals()]
+    reported = [[f"{x:.4f}".replace(".", mark) for x in row] for row in signals()]
     first = time or (lambda k: f"{k / RATE_HZ:.3f}".replace(".", mark))
-    return [[first(k), *row] for k, row in enumerate(told)]
+    return [[first(k), *row] for k, row in enumerate(reported)]
 
 
 def day(k: int, date: str = "2024-03-01 ", end: str = "") -> str:
@@ -355,7 +355,7 @@ def test_table___in_another_encoding___is_its_arrays(tmp_path: Path, encoding: s
     expect_arrays(imported(tmp_path, text, names="u Dr\u00fcck y2")[1])
 
 
-def test_table___without_names___has_counted_ones_and_its_rate_is_told(tmp_path: Path) -> None:
+def test_table___without_names___has_counted_ones_and_its_rate_is_reported(tmp_path: Path) -> None:
     noise = "MOT: Monitor enabled!\nMOT: Init\nMOT: Ready.\n"
     text = joined(noise, "\t", [row[1:] for row in cells()])
     expect_arrays(imported(tmp_path, text, ["200Hz"], "column_1 column_2 column_3")[1])

@@ -137,7 +137,7 @@ def test_rows_at_few_digits_of_time___keep_their_places_behind_a_long_hole(tmp_p
     np.testing.assert_array_equal(np.flatnonzero(record.usable), places)
 
 
-def test_rows_before_and_behind_all_outputs___are_left_out_and_told(tmp_path: Path) -> None:
+def test_rows_before_and_behind_all_outputs___are_left_out_and_reported(tmp_path: Path) -> None:
     rows = lines(0.01 * np.arange(ROWS))
     for k in range(20):
         rows[k] = rows[k].rpartition(",")[0] + ","

@@ -141,7 +141,7 @@ def test_runs_of_one_second___are_no_clock(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("time", "told"),
+    ("time", "reported"),
     [
         (lambda k: f"{(k // 10) * 0.05:.3f}", r"line 3: .* packets .* their rate \(2\d\d Hz"),
         (lambda k: f"{(ROWS - k) / 200:.3f}", "line 3: .* sort the rows .* backwards"),
@@ -154,14 +154,14 @@ def test_runs_of_one_second___are_no_clock(tmp_path: Path) -> None:
     ],
 )
 def test_times___that_do_not_rise___are_refused_with_what_to_do(
-    tmp_path: Path, time: Callable[[int], str], told: str
+    tmp_path: Path, time: Callable[[int], str], reported: str
 ) -> None:
-    with pytest.raises(CsvImportError, match=told):
+    with pytest.raises(CsvImportError, match=reported):
         read(tmp_path, text(time))
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"\0\0\0\0\x90\x01\0\0\1\0\0\0\0\0\0\0\2\0\0\0u\0" + bytes(99), "is a MATLAB file"),
         (b"MDF     4.10    " + bytes(99), "is an ASAM MDF file"),
@@ -180,12 +180,12 @@ def test_times___that_do_not_rise___are_refused_with_what_to_do(
     ],
 )
 def test_file___that_is_no_table___says_what_it_is(
-    tmp_path: Path, content: bytes, told: str
+    tmp_path: Path, content: bytes, reported: str
 ) -> None:
     file = tmp_path / "run.dat"
     file.write_bytes(content)
 
-    with pytest.raises(CsvImportError, match=rf"run\.dat: {told}"):
+    with pytest.raises(CsvImportError, match=rf"run\.dat: {reported}"):
         read_csv(file, TableColumns(("u",), ("y",)))
 
 

@@ -100,7 +100,7 @@ def test_read___rows_that_were_never_written___are_left_out_with_a_note(tmp_path
     assert "lines 102 to 151 are left out" in found.notices[0].text
 
 
-def test_read___counter_of_time_that_begins_anew___is_told(tmp_path: Path) -> None:
+def test_read___counter_of_time_that_begins_anew___is_reported(tmp_path: Path) -> None:
     found = record_of(tmp_path, rows_of(100, lambda k: (2**16 - 50 + k) % 2**16).encode())
     assert len(found) == 100
     assert found.dt_s == pytest.approx(1e-3)

@@ -77,7 +77,7 @@ def test_import___low_rate_in_a_stated_unit_or_one_of_1_hz___is_not_doubted(
     assert imported(tmp_path, time, per_s).notes == ()
 
 
-def test_import___rate_that_stamps_cannot_show___says_how_to_tell_the_unit(tmp_path: Path) -> None:
+def test_import___rate_that_stamps_cannot_show___says_how_to_say_the_unit(tmp_path: Path) -> None:
     said = r"0\.0002 Hz is outside .* or in a unit at the end .* as in time_us; .*--time COLUMN:us"
     with pytest.raises(CsvImportError, match=said):
         imported(tmp_path, "time", 1e6)
@@ -105,7 +105,7 @@ def test_import___rate_that_stamps_cannot_show___says_how_to_tell_the_unit(tmp_p
         ("torque", "", ""),
     ],
 )
-def test_map___unit_that_no_name_says___is_told(name: str, unit: str, note: str) -> None:
+def test_map___unit_that_no_name_says___is_reported(name: str, unit: str, note: str) -> None:
     mapping = CsvMap((CsvChannel("i", name, unit),), (CsvChannel("q", "q"),), time="t")
     notes = unit_notes(mapping)
     assert len(notes) == bool(note)

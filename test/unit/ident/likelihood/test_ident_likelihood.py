@@ -63,7 +63,7 @@ def test_whitening_filter___several_records_with_holes___solves_the_normal_equat
     np.testing.assert_allclose(taps[1:] / taps[0], by_matrix, rtol=1e-6)
 
 
-def test_is_noise___inputs_with_and_without_effect___are_told_apart() -> None:
+def test_is_noise___inputs_with_and_without_effect___are_distinguished() -> None:
     rng = np.random.default_rng(0)
     u, e = rng.normal(size=(4000, 2)), rng.normal(size=(4000, 3))
     assert is_noise([e], [u])

@@ -156,7 +156,7 @@ def test_read___reference_only_later___takes_it_before_too(tmp_path: Path) -> No
     ("declared", "closed_loop"),
     [([], None), ([False], False), ([True], True), ([False, True], True)],
 )
-def test_read___commanders___tell_the_kind_of_loop(
+def test_read___commanders___say_the_kind_of_loop(
     tmp_path: Path, declared: list[bool], *, closed_loop: bool | None
 ) -> None:
     states = [*open_loop([1, 2, 3]), motor_command(1, START_NS, 1.0)]

@@ -239,7 +239,7 @@ def test_read___arrivals_with_jitter___count_as_sent_evenly(tmp_path: Path) -> N
     assert [notice.code for notice in data.notices] == ["sampling", "sampling"]
 
 
-def test_read___lost_commands___are_told(tmp_path: Path) -> None:
+def test_read___lost_commands___are_reported(tmp_path: Path) -> None:
     kept = np.delete(np.arange(300), [50, 51, 170])
     felt = wrenches("/ft", every_ms(10, 300)[kept], kept.astype(np.float64))
     bag = write_topics(tmp_path / "run", [felt, two_joints(300)], MCAP)
@@ -293,7 +293,7 @@ def test_read___commands_sent_when_they_change___are_known_throughout(tmp_path: 
     assert data.input_held is None
 
 
-def test_read___input_with_values_that_are_no_numbers___is_told(tmp_path: Path) -> None:
+def test_read___input_with_values_that_are_no_numbers___is_reported(tmp_path: Path) -> None:
     commands = np.arange(300.0)
     commands[::10] = np.nan
     sent = float64("/command", every_ms(10, 300), commands)
@@ -347,7 +347,7 @@ def test_read___header_clocks_that_drift_apart___takes_the_recorders(
 
 
 @pytest.mark.parametrize(("rate", "word"), [(4e-3, "0.4 % faster"), (-4e-3, "0.4 % slower")])
-def test_read___header_clock_of_another_rate___is_told(
+def test_read___header_clock_of_another_rate___is_reported(
     tmp_path: Path, rate: float, word: str
 ) -> None:
     true_ns = every_ms(10, 300)

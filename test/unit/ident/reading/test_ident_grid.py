@@ -54,7 +54,7 @@ def test_place___strong_jitter___numbers_place_and_stamps_say_how_far_off() -> N
     assert grid.period_s == pytest.approx(1.0 / 300.0, rel=1e-9)
 
 
-def test_place___late_samples_and_stalls_without_numbers___is_told_by_the_stamps() -> None:
+def test_place___late_samples_and_stalls_without_numbers___is_reported_by_the_stamps() -> None:
     rows = np.array([*range(400), *range(470, 900), 903, *range(905, 1500)])
     instants = rows.astype(np.float64)
     instants[400] += 0.4

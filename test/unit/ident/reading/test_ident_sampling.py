@@ -24,14 +24,14 @@ def test_notices___even_record___says_nothing() -> None:
     assert notices(Run(slice(0, 45), 0), grid(list(range(5, 50))), 45) == ()
 
 
-def test_notices___restarts___tell_which_messages_are_used() -> None:
+def test_notices___restarts___say_which_messages_are_used() -> None:
     (found,) = notices(Run(slice(3, 48), 2), grid(list(range(5, 50))), 60)
     assert found.code == "partial_record"
     assert found.figures == {"places": 2.0, "first": 3.0, "last": 47.0, "messages": 60.0}
     assert "used messages 3 to 47 of 60" in found.text
 
 
-def test_notices___short_and_long_holes___are_told_apart() -> None:
+def test_notices___short_and_long_holes___are_distinguished() -> None:
     sequence = [k for k in range(100) if k not in {10, 11, 40, *range(60, 67)}]
     (found,) = notices(Run(slice(0, 90), 0), grid(sequence), 90)
     assert found.code == "lost_samples"

@@ -44,8 +44,8 @@ def commands(
 
 
 def read(state: Recorded, command: Recorded | None) -> IoData:
-    told = [] if command is None else [command]
-    aligned = arm_alignment(lambda: [state], lambda: told, source="run")
+    reported = [] if command is None else [command]
+    aligned = arm_alignment(lambda: [state], lambda: reported, source="run")
     return aligned.reading(state, declared=[True]).data
 
 
@@ -59,8 +59,8 @@ def test_hole___samples_lost_commands_recorded___the_commands_act() -> None:
     rows, answer = loop()
     kept = (rows < 20) | (rows >= 30)
     in_force = np.concatenate([[0.0], answer[:-1]])
-    told = commands(rows + 0.2, rows + 1, answer, rows + 1)
-    data = read(states(rows[kept], in_force[kept], rows[kept]), told)
+    reported = commands(rows + 0.2, rows + 1, answer, rows + 1)
+    data = read(states(rows[kept], in_force[kept], rows[kept]), reported)
     np.testing.assert_allclose(data.u[:, 0], answer[:-1], rtol=1e-12)
     assert data.compensation is not None
     np.testing.assert_allclose(data.compensation[:, 0], 0.1 * answer[:-1], rtol=1e-12)
@@ -74,8 +74,10 @@ def test_hole___samples_and_commands_lost___lines_between_what_is_known(
     rows, answer = loop()
     kept = (rows < 20) | (rows >= 30)
     in_force = np.concatenate([[0.0], answer[:-1]])
-    told = commands(rows[kept] + 0.2, rows[kept] + 1, answer[kept], rows[kept] + 1)
-    data = read(states(rows[kept], in_force[kept], rows[kept]), told if recorded_commands else None)
+    reported = commands(rows[kept] + 0.2, rows[kept] + 1, answer[kept], rows[kept] + 1)
+    data = read(
+        states(rows[kept], in_force[kept], rows[kept]), reported if recorded_commands else None
+    )
     # Known is what acted before row 19 and from row 29 on; of row 19 where commands were recorded.
     known = [18, 19, 29] if recorded_commands else [18, 29]
     inside = np.arange(19, 30)
@@ -97,8 +99,8 @@ def test_hole___sampling_stood_still___holds_the_answer_that_came_in_time(
     in_force = np.concatenate([[0.0], answers[:-1]])
     instants = taken + 0.2
     instants[19] = sent
-    told = commands(instants, taken + 1, answers, number + 1)
-    data = read(states(taken, in_force, number), told)
+    reported = commands(instants, taken + 1, answers, number + 1)
+    data = read(states(taken, in_force, number), reported)
     expected = answer.copy()
     expected[19:30] = answer[acting]
     np.testing.assert_allclose(data.u[:, 0], expected[:-1], rtol=1e-12)

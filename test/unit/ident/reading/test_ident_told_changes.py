@@ -82,7 +82,7 @@ def law(row: int, parameters: object) -> Sent:
     return Sent("/flexarm/law", type_name, stamp_ns + 1000, raw)
 
 
-def record(path: Path, *told: Sent, samples: int = SAMPLES) -> IoData:
+def record(path: Path, *reported: Sent, samples: int = SAMPLES) -> IoData:
     rng = np.random.default_rng(1)
     states = [
         arm_state(
@@ -90,7 +90,7 @@ def record(path: Path, *told: Sent, samples: int = SAMPLES) -> IoData:
         )
         for k in range(samples + 1)
     ]
-    return read_bag(write_bag(path, sorted([*states, *told], key=lambda sent: sent.time_ns)))
+    return read_bag(write_bag(path, sorted([*states, *reported], key=lambda sent: sent.time_ns)))
 
 
 def warnings(*records: IoData) -> list[tuple[str, str]]:
@@ -109,9 +109,9 @@ def payload(words: str, row: int, *, after: int = 0, before: int = 0) -> tuple[s
     )
 
 
-def test_payload___set_in_mid_record___is_told_with_the_parts(tmp_path: Path) -> None:
-    told = [payload_set(150, 0.3), payload_set(200, 0.3), payload_set(300, 0.0)]
-    data = record(tmp_path / "run", *told)
+def test_payload___set_in_mid_record___is_reported_with_the_parts(tmp_path: Path) -> None:
+    reported = [payload_set(150, 0.3), payload_set(200, 0.3), payload_set(300, 0.0)]
+    data = record(tmp_path / "run", *reported)
 
     assert warnings(data) == [payload("0.3 kg", 150, before=300), payload("0 kg", 300, after=150)]
     (notice, _) = data.notices
@@ -131,7 +131,7 @@ def test_payload___set_outside_the_part___is_no_matter(
     assert warnings(data) == {150: [first], 300: [second], 0: []}[row]
 
 
-def test_payload___of_both_parts_of_a_split_record___is_told_for_each(tmp_path: Path) -> None:
+def test_payload___of_both_parts_of_a_split_record___is_reported_for_each(tmp_path: Path) -> None:
     data = record(tmp_path / "run", payload_set(150, 0.3), payload_set(300, 0.0))
 
     first, second = payload("0.3 kg", 150, before=300), payload("0 kg", 300, after=150)
@@ -139,13 +139,13 @@ def test_payload___of_both_parts_of_a_split_record___is_told_for_each(tmp_path: 
 
 
 def test_payload___of_a_node_that_starts_anew___is_known(tmp_path: Path) -> None:
-    told = [payload_set(-30, 0.3), payload_set(-20, 0.0, new=True), payload_set(150, 0.3)]
+    reported = [payload_set(-30, 0.3), payload_set(-20, 0.0, new=True), payload_set(150, 0.3)]
 
-    assert warnings(record(tmp_path / "run", *told)) == [payload("0.3 kg", 150)]
+    assert warnings(record(tmp_path / "run", *reported)) == [payload("0.3 kg", 150)]
 
 
 @pytest.mark.parametrize("row", [700, 950, 1010, 1100, 1500])
-def test_payload___set_about_a_hole_with_an_unknown_input___is_told(
+def test_payload___set_about_a_hole_with_an_unknown_input___is_reported(
     tmp_path: Path, row: int
 ) -> None:
     data = record(tmp_path / "run", payload_set(row, 0.3), samples=2000)
@@ -163,9 +163,9 @@ def test_payload___of_another_arm_or_before_the_record___is_no_matter(tmp_path: 
     assert not warnings(data)
 
 
-def test_law___replaced_or_with_another_gain___is_told(tmp_path: Path) -> None:
+def test_law___replaced_or_with_another_gain___is_reported(tmp_path: Path) -> None:
     pd = {"law": "pd", "pd.kp": 1.0, "reference": "topic"}
-    told = [
+    reported = [
         law(0, pd),
         law(80, {**pd, "reference": "square", "square.period_s": 4.0}),
         law(100, {**pd, "pd.kp": 2.0, "shaper": "zv", "models.own.A": 1.0}),
@@ -173,7 +173,7 @@ def test_law___replaced_or_with_another_gain___is_told(tmp_path: Path) -> None:
         law(250, {"law": "pi", "pi.kp": 1.0}),
     ]
 
-    assert warnings(record(tmp_path / "run", *told)) == [
+    assert warnings(record(tmp_path / "run", *reported)) == [
         ("plant_changed", "the controller was changed in pd.kp at 0.2 s (row 100)"),
         ("plant_changed", "the controller was changed to pi at 0.5 s (row 250)"),
     ]

@@ -25,7 +25,7 @@ def sent_ns(periods: np.ndarray) -> np.ndarray:
     drift=st.floats(-1e-3, 1e-3),
     lost=st.floats(0.0, 0.3),
 )
-def test_count___steady_clock___tells_what_was_lost(
+def test_count___steady_clock___says_what_was_lost(
     seed: int, jitter: float, drift: float, lost: float
 ) -> None:
     rng = np.random.default_rng(seed)

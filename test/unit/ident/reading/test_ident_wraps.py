@@ -27,9 +27,9 @@ def wrapped(angle: FloatArray, period: float, lowest: float) -> FloatArray:
     return np.asarray(np.mod(angle - lowest, period) + lowest)
 
 
-def undone(y: FloatArray, u: FloatArray | None = None, told: float | None = None) -> FloatArray:
+def undone(y: FloatArray, u: FloatArray | None = None, turn: float | None = None) -> FloatArray:
     rows = [(np.zeros((len(y), 1)) if u is None else u[:, np.newaxis], y[:, np.newaxis])]
-    return next(unwrapped(rows, found_wraps(rows, told)))[1][:, 0]
+    return next(unwrapped(rows, found_wraps(rows, turn)))[1][:, 0]
 
 
 def expect_angle(found: FloatArray, angle: FloatArray, period: float) -> None:
@@ -146,13 +146,13 @@ def test_sawtooth___that_follows_the_input___stays() -> None:
     assert not np.array_equal(undone(y), y)
 
 
-def test_period___that_is_told___is_taken() -> None:
+def test_period___that_is_given___is_taken() -> None:
     angle = swing(1440.0)
     y = wrapped(angle, 1440.0, 0.0)
     np.testing.assert_array_equal(undone(y), y)
-    expect_angle(undone(y, told=1440.0), angle, 1440.0)
+    expect_angle(undone(y, turn=1440.0), angle, 1440.0)
     degrees = wrapped(angle / 4.0, 360.0, 0.0)
-    np.testing.assert_array_equal(undone(degrees, told=0.0), degrees)
+    np.testing.assert_array_equal(undone(degrees, turn=0.0), degrees)
 
 
 def test_notice___names_output_period_and_remedy() -> None:

@@ -84,7 +84,7 @@ def test_columns___what_numpy_would_bend_into_numbers___is_refused(
         )
 
 
-def test_columns___unknown_name___is_told_with_those_that_there_are() -> None:
+def test_columns___unknown_name___is_reported_with_those_that_there_are() -> None:
     with pytest.raises(
         DataError, match=r"no column time_s; there are: t, drive_v, angle_deg, remark"
     ):

@@ -105,6 +105,6 @@ def test_as_records___records_of_other_rigs___raise() -> None:
         as_records([arm(source="a"), arm(source="b", dt_s=0.02)])
 
 
-def test_as_records___periods_that_differ_by_what_few_stamps_tell___are_of_one_rig() -> None:
+def test_as_records___periods_that_differ_by_what_few_stamps_say___are_of_one_rig() -> None:
     records = (arm(source="a", dt_s=1.0 / 200.0), arm(source="b", dt_s=1.0 / 200.1))
     assert as_records(records) == records

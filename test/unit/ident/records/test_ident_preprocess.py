@@ -137,9 +137,9 @@ def test_preprocess___channels_far_from_1___are_scaled_and_give_the_same_model(
     np.testing.assert_allclose(found.fit_error, expected.fit_error, rtol=1e-3)
     poles, same = (np.sort_complex(np.linalg.eigvals(each.model.A)) for each in (found, expected))
     np.testing.assert_allclose(poles, same, rtol=1e-3)
-    told = [notice for notice in prepared.notices if notice.code == "converted"]
-    assert len(told) == np.count_nonzero(powers)
-    assert all("was multiplied by 1e" in notice.text for notice in told)
+    reported = [notice for notice in prepared.notices if notice.code == "converted"]
+    assert len(reported) == np.count_nonzero(powers)
+    assert all("was multiplied by 1e" in notice.text for notice in reported)
 
 
 @pytest.mark.filterwarnings("error")

@@ -46,8 +46,8 @@ def test_known_parts___long_hole___parts_the_record_there() -> None:
     first, second = known_parts(whole)
     assert [first.source, second.source] == ["run, 0 to 10 s", "run, 10.5 to 30 s"]
     np.testing.assert_array_equal(second.y, whole.y[1050:])
-    (told,) = first.notices
-    assert (told.code, told.figures) == ("lost_samples", {"holes": 1.0, "longest_s": 0.5})
+    (reported,) = first.notices
+    assert (reported.code, reported.figures) == ("lost_samples", {"holes": 1.0, "longest_s": 0.5})
     assert not second.notices
 
 

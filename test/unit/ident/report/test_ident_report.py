@@ -185,7 +185,7 @@ def test_render_report___outcome___lists_every_error(outcome: Outcome, text: str
     np.testing.assert_allclose(found[:, 0], [*fit, fit.mean()], atol=0.051)
 
 
-def test_render_report___outcome___tells_data_order_and_origin(outcome: Outcome, text: str) -> None:
+def test_render_report___outcome___says_data_order_and_origin(outcome: Outcome, text: str) -> None:
     words = " ".join(Page(text).text.split())
     assert f"The model has {outcome.model.nstates} states, reduced from 14." in words
     assert "It is estimated from 1 record, 10.0 s in total." in words
@@ -275,7 +275,7 @@ def rows_of(text: str, heading: str, kind: str) -> list[list[str]]:
     ][:-1]
 
 
-def test_render_report___outcome___tells_what_each_step_of_the_reduction_costs(
+def test_render_report___outcome___says_what_each_step_of_the_reduction_costs(
     outcome: Outcome, text: str
 ) -> None:
     rows = {row[0]: row[1:] for row in rows_of(text, "Reduction", "costs")}

@@ -42,7 +42,7 @@ def outcome() -> Outcome:
     return run(data, Request(bias="none"))
 
 
-def test_model_section___likelihood_took_the_place_of_the_start___is_what_the_words_tell(
+def test_model_section___likelihood_took_the_place_of_the_start___is_what_the_words_say(
     outcome: Outcome,
 ) -> None:
     assert outcome.identification.likelihood is not None
@@ -52,10 +52,10 @@ def test_model_section___likelihood_took_the_place_of_the_start___is_what_the_wo
     assert any("the model integrates" in each for each in outcome.warnings)
     facts = next(iter(model.SECTION.build(Subject(outcome, "hub", {}))))
     assert isinstance(facts, Facts)
-    told = dict(facts.facts)
-    assert told["eigenvalues moved into the unit circle"] == "0"
-    assert "fitted by maximum likelihood" in told
-    assert "fitted by simulation" not in told
+    reported = dict(facts.facts)
+    assert reported["eigenvalues moved into the unit circle"] == "0"
+    assert "fitted by maximum likelihood" in reported
+    assert "fitted by simulation" not in reported
 
 
 def test_residuals_section___coherent_output___is_explained(outcome: Outcome) -> None:

@@ -45,7 +45,7 @@ def test_render_report___mode_that_does_not_oscillate___has_its_time_constant() 
     text = rendered(data, request)
     for title in ("Modes", "Reduction"):
         found = section(text, title)
-        assert [f"<td>{told} s</td>" in found for told in ("0.62", "0.09")] == [True, True]
+        assert [f"<td>{reported} s</td>" in found for reported in ("0.62", "0.09")] == [True, True]
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ from support.recurring_modes import NEIGHBOURS, judged
 @pytest.mark.parametrize(
     ("order", "how"), [(4, "as asked for"), (None, "chosen by the errors of models of many orders")]
 )
-def test_order_section___words___tell_the_kinds_of_stability_apart(
+def test_order_section___words___distinguish_the_kinds_of_stability(
     order: int | None, how: str
 ) -> None:
     data = record(arm_model(), 1500, 1, noise=0.02)
@@ -91,8 +91,8 @@ def test_recurring_table___two_physical_modes_at_one_place___are_no_two_modes_of
     (words,) = pair_words(modes)
     assert words.startswith("43.25 and 45.36 Hz stand less than 6 % apart.")
     assert "possibly a split pole" in words
-    told = [row[-1] for row in recurring_table(modes).rows]
-    assert told == ["yes", "possibly a split pole", "possibly a split pole"]
+    reported = [row[-1] for row in recurring_table(modes).rows]
+    assert reported == ["yes", "possibly a split pole", "possibly a split pole"]
 
 
 EMPTY = Stabilisation((4, 5, 6), (), tuple(each.mode for each in NEIGHBOURS), 0.01)
@@ -126,8 +126,8 @@ def test_neighbours___are_the_same_in_the_table_and_in_both_diagrams() -> None:
 )
 def test_recurring_table___modes_apart___have_no_warning(modes: list[JudgedMode]) -> None:
     assert pair_words(modes) == []
-    told = [row[-1] for row in recurring_table(modes).rows]
-    assert told == ["yes" if each.is_physical else "no" for each in modes]
+    reported = [row[-1] for row in recurring_table(modes).rows]
+    assert reported == ["yes" if each.is_physical else "no" for each in modes]
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,10 @@ from support.step_plots import a_step
 
 def test_render_page___any___runs_its_script_alone() -> None:
     text = render_page("A page", [], {})
-    (told,) = re.findall(r'<meta http-equiv="Content-Security-Policy" content="(.*?)">', text)
+    (reported,) = re.findall(r'<meta http-equiv="Content-Security-Policy" content="(.*?)">', text)
     (code,) = re.findall("<script>(.*?)</script>", text, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
-    assert unescape(told).startswith(f"default-src 'none'; script-src 'sha256-{digest}';")
+    assert unescape(reported).startswith(f"default-src 'none'; script-src 'sha256-{digest}';")
     assert len(code.splitlines()) < 250
 
 

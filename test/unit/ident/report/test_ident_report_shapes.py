@@ -60,7 +60,7 @@ def test_shape_plot__outputs___have_a_bar_a_point_and_a_name_each() -> None:
     assert "shape of the mode at 9.4 Hz over 3 outputs" in plot
 
 
-def test_shapes__output_that_hardly_moves___is_not_told_as_still() -> None:
+def test_shapes__output_that_hardly_moves___is_not_reported_as_still() -> None:
     outcome = subject(3).outcome
     whole = outcome.model
     faint = named(whole.A, whole.B, whole.C * np.array([[1.0], [1e-4], [1.0]]), whole.D)

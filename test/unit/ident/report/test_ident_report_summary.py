@@ -26,13 +26,13 @@ def test_vibrations___modes_of_a_model___are_parted_as_the_table_parts_them() ->
     ]
 
 
-def test_vibrations___one_mode_with_a_neighbour_at_other_orders___is_told_as_that() -> None:
+def test_vibrations___one_mode_with_a_neighbour_at_other_orders___is_reported_as_that() -> None:
     assert vibrations([pair(43.3)], NEIGHBOURS) == [
         "Lightly damped mode at 43.30 Hz: possibly a split pole."
     ]
 
 
-def test_vibrations___no_light_mode___is_told() -> None:
+def test_vibrations___no_light_mode___is_reported() -> None:
     assert vibrations([pair(70.0, 0.9)], NEIGHBOURS) == [
         "No lightly damped mode (damping ratio below 0.2)."
     ]

@@ -240,7 +240,7 @@ def test_each___parquet_without_pyarrow___is_refused_before_the_work(
 
 
 @pytest.mark.usefixtures("computed")
-def test_each___clock_that_begins_at_zero___tells_no_date(tmp_path: Path) -> None:
+def test_each___clock_that_begins_at_zero___says_no_date(tmp_path: Path) -> None:
     since_start = 19_600  # days, fewer than from 1970 to the instants of these bags
     bags = [driven_joint(tmp_path / f"run{n}", n + 1, n - since_start) for n in range(2)]
     series = each(bags, tmp_path / "out")

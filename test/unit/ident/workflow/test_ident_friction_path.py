@@ -166,7 +166,7 @@ def test_arm_with_friction___files_and_report___hold_the_levels(
 
 
 @pytest.mark.parametrize("fields", [{"order": 6}, {"method": "orse"}])
-def test_friction___order_or_method_given___is_told_but_the_model_stays(
+def test_friction___order_or_method_given___is_reported_but_the_model_stays(
     fields: dict[str, int | str],
 ) -> None:
     data, given = controlled(0.5, 8000), {"method": "auto", "block_rows": 15, **fields}

@@ -48,10 +48,10 @@ def test_run___fitted_part_too_short___every_refusal_names_it_and_the_way_out(
 
 def test_run___known_mode_above_half_the_rate___is_refused_before_the_fit() -> None:
     request = Request(reduction="mrmc", known_modes_hz=(9.4, 50.0))
-    told: list[str] = []
+    reported: list[str] = []
     with pytest.raises(IdentificationError, match=r"known mode of 50 Hz .* samples at 100 Hz: "):
-        run(white_noise_record(600), request, progress=lambda stage, _: told.append(stage))
-    assert not told
+        run(white_noise_record(600), request, progress=lambda stage, _: reported.append(stage))
+    assert not reported
 
 
 def test_run___input_of_no_linear_law___note_asks_for_nothing_that_cannot_be_given() -> None:
@@ -136,8 +136,8 @@ def test_run___sensor_that_begins_late___result_is_that_of_the_rest(late: list[i
     expected = run(rest, Request())
     np.testing.assert_array_equal(found.model.A, expected.model.A)
     np.testing.assert_array_equal(found.dmv_errors, expected.dmv_errors)
-    (told,) = set(found.warnings) - set(expected.warnings)
-    assert told == (
+    (reported,) = set(found.warnings) - set(expected.warnings)
+    assert reported == (
         f"information: record: {'yz'[late[0]]} was not measured before 3 s (row 300): the record "
         "is used from there on"
     )

@@ -30,7 +30,7 @@ def rows(rig: RigDescription) -> dict[str, dict[str, Any]]:
     return {row["name"]: row for row in about_arm(rig, simulated=False)["channels"]}
 
 
-def test_thesis_arm___is_told___as_the_page_has_always_drawn_it() -> None:
+def test_thesis_arm___is_described___as_the_page_has_always_drawn_it() -> None:
     about = about_arm(load_rig("thesis"), simulated=True)
     found = {row.pop("name"): tuple(row.values()) for row in about["channels"]}
     assert list(found) == list(THESIS_ROWS)

@@ -126,7 +126,7 @@ def made_bridge(rig: RigDescription, folder: Path) -> tuple[Bridge, Controller]:
     bridge = Bridge(SimpleNamespace(), folder, rig, "")
     controller = Controller()
     bridge._calls = controller  # type: ignore[assignment]
-    bridge.outlet = SimpleNamespace(tell=lambda _: None, tell_state=lambda: None)
+    bridge.outlet = SimpleNamespace(send=lambda _: None, send_state=lambda: None)
     return bridge, controller
 
 

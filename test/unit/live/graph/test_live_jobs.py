@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 PATIENCE_S = 120.0
 
 
-async def told_by(jobs_of: Any, told: list[Mapping[str, Any]]) -> None:  # noqa: ANN401
+async def told_by(jobs_of: Any, reported: list[Mapping[str, Any]]) -> None:  # noqa: ANN401
     """Run jobs and wait until the last has told its end."""
     ended = asyncio.Event()
 
-    def tell(message: Mapping[str, Any]) -> None:
-        told.append(message)
+    def report_it(message: Mapping[str, Any]) -> None:
+        reported.append(message)
         if message["done"]:
             ended.set()
 
-    await jobs_of(Jobs(tell))
+    await jobs_of(Jobs(report_it))
     await asyncio.wait_for(ended.wait(), PATIENCE_S)
 
 
-def test_job___done_failed_or_cancelled___tells_its_end_once() -> None:
+def test_job___done_failed_or_cancelled___says_its_end_once() -> None:
     async def good(report: Report) -> Mapping[str, Any]:
         report("half", 0.5)
         return {"x": 1}
@@ -47,7 +47,7 @@ def test_job___done_failed_or_cancelled___tells_its_end_once() -> None:
 
     ends = []
     for work in (good, bad, endless):
-        told: list[Mapping[str, Any]] = []
+        reported: list[Mapping[str, Any]] = []
 
         async def start(jobs: Jobs, work: Any = work) -> None:  # noqa: ANN401
             number = jobs.start("tune", work, left="half of it is there")
@@ -61,9 +61,9 @@ def test_job___done_failed_or_cancelled___tells_its_end_once() -> None:
                     jobs.cancel(9)
                 assert jobs.cancel(number) == "tune"
 
-        asyncio.run(told_by(start, told))
-        assert [each["done"] for each in told].count(True) == 1
-        ends.append((told[-1]["ok"], told[-1]["message"], told[-1]["data"]))
+        asyncio.run(told_by(start, reported))
+        assert [each["done"] for each in reported].count(True) == 1
+        ends.append((reported[-1]["ok"], reported[-1]["message"], reported[-1]["data"]))
     assert ends[0] == (True, "", {"x": 1})
     assert ends[1] == (False, "no model fits", {})
     assert ends[2][0] is False
@@ -94,10 +94,10 @@ def test_job___cancelled_twice___ends_well_once() -> None:
         assert not ended
         may_end.set()
 
-    told: list[Mapping[str, Any]] = []
-    asyncio.run(told_by(start, told))
+    reported: list[Mapping[str, Any]] = []
+    asyncio.run(told_by(start, reported))
     assert ended == [1]
-    assert told[-1]["message"].startswith("cancelled")
+    assert reported[-1]["message"].startswith("cancelled")
 
 
 def test_store___knows___its_own_names_only(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def test_badge___of_a_report___is_its_state_with_the_reason(
         (ERROR, "not active: the loop has ended", "off", "the loop has ended"),
     ],
 )
-def test_badge___with_a_task___tells_it_where_nothing_is_wrong(
+def test_badge___with_a_task___says_it_where_nothing_is_wrong(
     level: int, message: str, drive: str, reason: str
 ) -> None:
     found = situation(level, message, drive)
@@ -67,7 +67,7 @@ ENDED = "not active: the loop has ended: law ilqr is made for 300 Hz"
         ("driving", (ERROR, ENDED), ("DRIVING", "")),
     ],
 )
-def test_badge___controller_that_has_ended_by_an_error___is_told_with_its_reason(
+def test_badge___controller_that_has_ended_by_an_error___is_reported_with_its_reason(
     drive: str, controller: tuple[int, str], badge: tuple[str, str]
 ) -> None:
     found = situation(OK, "active", drive)
@@ -146,9 +146,9 @@ def test_report___after_a_silence_or_with_lower_counts___may_be_of_another_proce
 def test_reports___older_than_an_answered_stop___say_that_the_drive_is_held() -> None:
     found = situation(OK, "active", "driving")
     found.stopped(10.1)
-    told = found.reports(10.2)["daq"]
-    assert told["message"] == f"{HELD}emergency stop"
-    assert told["values"]["drive"] == "held"
+    reported = found.reports(10.2)["daq"]
+    assert reported["message"] == f"{HELD}emergency stop"
+    assert reported["values"]["drive"] == "held"
     found.hear("daq", OK, "not active", {"drive": "off"}, 11.0)
     assert found.reports(11.1)["daq"]["values"]["drive"] == "off"
     found.moved("daq", active=True, now_s=12.0)
@@ -160,12 +160,12 @@ def test_reports___of_a_node_that_has_ended___say_since_when_and_have_no_figures
     found = situation(OK, "active", "driving")
     found.hear("controller", OK, "active", {"answered samples": "290"}, 10.0)
     found.hear("daq", OK, "active", {"drive": "ready"}, 18.0)
-    told = found.reports(18.2)
-    assert told["controller"] == {
+    reported = found.reports(18.2)
+    assert reported["controller"] == {
         "message": "no report for 8 s, it hangs or has ended; before: active",
         "values": {},
     }
-    assert told["daq"]["message"] == "active"
+    assert reported["daq"]["message"] == "active"
 
 
 def test_reports___of_a_recorder_that_has_ended_beside_the_laboratory___go_away() -> None:

@@ -162,17 +162,17 @@ def test_file___of_a_page_that_goes_away___leaves_nothing(live: LiveServer, fold
         page.recv(0.0)
 
 
-def test_signals_of_a_table___have_their_units_and_the_roles_that_names_tell(
+def test_signals_of_a_table___have_their_units_and_the_roles_that_names_say(
     tmp_path: Path,
 ) -> None:
     file = tmp_path / "log.csv"
     file.write_text("time_ms,torque,angle [deg],tip_v\n0,1,2,3\n1,1,2,3\n2,1,2,3\n")
-    told = signals_of(file)
-    rows = [(each["name"], each["role"], each["unit"]) for each in told["signals"]]
+    reported = signals_of(file)
+    rows = [(each["name"], each["role"], each["unit"]) for each in reported["signals"]]
     assert rows == [
         ("time_ms", "time", ""),
         ("torque", "input", ""),
         ("angle [deg]", "output", "deg"),
         ("tip_v", "output", "V"),
     ]
-    assert told["endings"]["rad/s"] in {"_rad_per_s", "_rad_s"}
+    assert reported["endings"]["rad/s"] in {"_rad_per_s", "_rad_s"}

@@ -117,7 +117,7 @@ def test_subscription___gets_what_is_in_force_and_no_old_sample(sdk: list[double
     assert channels[STATE].logged == []
 
 
-def test_viewer___decodes_every_sample_by_what_the_server_tells(port: int) -> None:
+def test_viewer___decodes_every_sample_by_what_the_server_says(port: int) -> None:
     sent = [
         arm_state(n, START_NS + n, (0.25 * n, 0.0, 0.0, -1.0), frame_id="flexarm/base_link")
         for n in range(1, 2001)
@@ -133,15 +133,15 @@ def test_viewer___decodes_every_sample_by_what_the_server_tells(port: int) -> No
             for each in sent:
                 server.send(each.topic, each.raw, each.time_ns)
             received = list(islice(messages, len(sent)))
-            told = viewer.channels[STATE]
+            reported = viewer.channels[STATE]
 
     assert (set_point.topic, set_point.time_ns) == (REFERENCE, START_NS)
     assert [(each.time_ns, each.raw) for each in received] == [(s.time_ns, s.raw) for s in sent]
-    assert (told["encoding"], told["schemaEncoding"]) == ("cdr", "ros2msg")
-    assert told["schemaName"] == SERVED[STATE]
+    assert (reported["encoding"], reported["schemaEncoding"]) == ("cdr", "ros2msg")
+    assert reported["schemaName"] == SERVED[STATE]
     types = get_typestore(Stores.EMPTY)
-    types.register(get_types_from_msg(told["schema"], told["schemaName"]))
-    last: object = types.deserialize_cdr(received[-1].raw, told["schemaName"])
+    types.register(get_types_from_msg(reported["schema"], reported["schemaName"]))
+    last: object = types.deserialize_cdr(received[-1].raw, reported["schemaName"])
     assert getattr(last, "position_v") == 0.25 * 2000  # noqa: B009 - of a type made here
     assert getattr(last, "sequence") == 2000  # noqa: B009
 

@@ -189,18 +189,18 @@ def test_page___with_an_oversized_message___is_closed(live: LiveServer) -> None:
 
 @pytest.mark.usefixtures("good")
 @pytest.mark.parametrize(
-    ("messages", "told"),
+    ("messages", "reported"),
     # A page that is too busy to answer the close within a second is cut off without a word.
     [(500, {"more than 200 messages a second"}), (10_000, {"more than 200 messages a second", ""})],
 )
 def test_page___with_many_messages_at_once___is_closed(
-    live: LiveServer, messages: int, told: set[str]
+    live: LiveServer, messages: int, reported: set[str]
 ) -> None:
     with live.page() as page:
         with suppress(ConnectionClosed):
             for number in range(messages):
                 page.send(json.dumps({"id": number, "do": "hold"}))
-        assert until_closed(page)[1] in told
+        assert until_closed(page)[1] in reported
     until(lambda: live.server.holder == "")
 
 

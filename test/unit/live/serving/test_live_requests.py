@@ -222,7 +222,7 @@ def test_largest_float___is_a_number___and_a_larger_whole_one_is_none() -> None:
         ("waveform", "kind", "none, sine, square, triangle"),
     ],
 )
-def test_word_that_is_none_of_the_choices___is_told_them(
+def test_word_that_is_none_of_the_choices___is_refused_with_them(
     verb: str, name: str, choices: str
 ) -> None:
     for word in choices.split(", "):

@@ -49,7 +49,7 @@ def test_page___at_first___gets_hello_and_state(live: LiveServer) -> None:
     assert state["holder"] is False
 
 
-def test_state___on_a_hold___tells_each_page_who_has_it(live: LiveServer) -> None:
+def test_state___on_a_hold___says_each_page_who_has_it(live: LiveServer) -> None:
     with live.page() as first, live.page() as second:
         assert ask(first, do="hold")["ok"] is True
         while not (state := received(first)).get("holder"):
@@ -71,11 +71,11 @@ def test_request___carried_out___is_answered_by_its_number(live: LiveServer) -> 
         assert refused["message"] == "law = 'none': must be one of pd, pdpc"
 
 
-def test_connection_for_the_stop___is_told_of_the_stop_alone(live: LiveServer) -> None:
+def test_connection_for_the_stop___is_reported_of_the_stop_alone(live: LiveServer) -> None:
     pages = live.server.pages
     with connect_page(f"ws://127.0.0.1:{live.port}/stop?token={TOKEN}") as stop:
         live.server.send_samples(b"a frame of samples")
-        live.server.tell_state()
+        live.server.send_state()
         stop.send(json.dumps({"id": 5, "do": "stop"}))
         answer = json.loads(stop.recv(PATIENCE_S))
         assert (answer["id"], answer["ok"]) == (5, True)

@@ -95,7 +95,7 @@ def test_computation___that_does_not_hear_the_interrupt___is_left_for_another(
     run(work())
 
 
-def test_computation___that_dies___is_told_and_begins_anew(slow: Computation) -> None:
+def test_computation___that_dies___is_reported_and_begins_anew(slow: Computation) -> None:
     async def work() -> None:
         first = await slow.run({"tenths": 0}, unheard)
         with pytest.raises(FlexarmError, match="ended without a result"):
@@ -117,7 +117,7 @@ def test_computation___of_a_request_that_cannot_be___is_refused_with_its_line() 
     run(work())
 
 
-def test_identification___tells_its_model_before_the_report___and_leaves_nothing_when_cancelled(
+def test_identification___says_its_model_before_the_report___and_leaves_nothing_when_cancelled(
     tmp_path: Path,
 ) -> None:
     bag = tmp_path / "run1"

@@ -105,7 +105,7 @@ def passes(name: str, command: tuple[str, ...], root: Path) -> bool:
     done = subprocess.run(  # noqa: S603 - our own tools
         _line(command), cwd=root, check=False, env=_environment()
     )
-    _tell_time(name, started_s)
+    _report_time(name, started_s)
     return done.returncode == 0
 
 
@@ -131,7 +131,7 @@ def _failed_side_by_side(checks: tuple[Check, ...], root: Path) -> Iterator[str]
         for (name, command), done in zip(checks, pool.map(run, checks), strict=True):
             terminal.step(f"{name}: {' '.join(command)}")
             click.echo(done.stdout, nl=False)
-            _tell_time(name, started_s)
+            _report_time(name, started_s)
             if done.returncode:
                 yield name
 
@@ -145,5 +145,5 @@ def _environment() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
-def _tell_time(name: str, started_s: float) -> None:
+def _report_time(name: str, started_s: float) -> None:
     terminal.CONSOLE.print(f"  {name} took {time.monotonic() - started_s:.0f} s")

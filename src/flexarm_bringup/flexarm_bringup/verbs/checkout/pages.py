@@ -89,7 +89,7 @@ def steps(page: str) -> Iterator[Step]:
         elif mark == "output of":
             yield Step(line, (said,), tuple(text.splitlines()))
         elif mark is None and not block["language"]:
-            yield from _told(text, line)
+            yield from _described(text, line)
 
 
 def typed(block: str) -> list[tuple[int, str]]:
@@ -123,7 +123,7 @@ def _content(page: str, block: re.Match[str]) -> tuple[int, str]:
     return page.count("\n", 0, block.start(part)) + 1, "" if part == "drawn" else block[part]
 
 
-def _told(text: str, line: int) -> Iterator[Step]:
+def _described(text: str, line: int) -> Iterator[Step]:
     """Yield the commands with a prompt of a block, each with the lines below it."""
     lines = text.splitlines()
     starts = [number for number, each in enumerate(lines) if each.lstrip().startswith("$ ")]

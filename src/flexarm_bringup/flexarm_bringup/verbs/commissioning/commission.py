@@ -14,7 +14,7 @@ from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.commissioning.state import State
-from flexarm_bringup.verbs.laboratory.options import ARM, TWIN, paced, told_rig, twin_rig
+from flexarm_bringup.verbs.laboratory.options import ARM, TWIN, paced, rig_parameter, twin_rig
 from flexarm_core.outputs import OutputError
 from flexarm_core.own_files import claimed
 from flexarm_core.rig_description import load_rig
@@ -119,7 +119,9 @@ def _commission(
         state.note("check", {"outputs": list(rig.output_names)})
     bags = out / "bags"
     bags.mkdir(exist_ok=True)
-    with live_arm(rig, told_rig(rig_name), bags.absolute(), pace=pace, namespace=namespace) as arm:
+    with live_arm(
+        rig, rig_parameter(rig_name), bags.absolute(), pace=pace, namespace=namespace
+    ) as arm:
         commissioner = Commissioner(arm, rig, state)
         results, design = commissioner.run()
         write_servo(design, [results.name], out / "servo")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_control.commissioning.answers import Friction
-from flexarm_control.servo.report import step_figures, summary, told
+from flexarm_control.servo.report import step_figures, summary, summary_lines
 from flexarm_core.labels import axis_label
 from flexarm_core.outputs import MARK_KEY
 from flexarm_ident.report.content.blocks import Plots, Table, Words
@@ -101,7 +101,7 @@ def _report(
         ],
         "Margins": [Words("They are in servo/report.html.")],
     }
-    return render_page(f"Commissioning of {rig.name}", told(design), parts)
+    return render_page(f"Commissioning of {rig.name}", summary_lines(design), parts)
 
 
 def _steps(design: ServoDesign, steps: Steps) -> str:

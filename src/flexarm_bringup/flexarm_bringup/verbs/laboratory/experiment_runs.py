@@ -19,7 +19,7 @@ from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.live_arm import LiveArm, answers_to_pulses, live_arm
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
-from flexarm_bringup.verbs.laboratory.options import USUAL_RIG, told_rig
+from flexarm_bringup.verbs.laboratory.options import USUAL_RIG, rig_parameter
 from flexarm_control.commissioning.answers import soft_loop
 from flexarm_control.joint_laws import require_known_outputs
 from flexarm_control.laws.registry import LAWS
@@ -106,7 +106,7 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
         ExitStack() as records,
         live_arm(
             rig,
-            told_rig(settings.rig),
+            rig_parameter(settings.rig),
             folder,
             pace=settings.pace,
             namespace=settings.namespace,

@@ -136,7 +136,7 @@ def foxglove_parameters(port: int, rig: str) -> dict[str, Any]:
     return {"port": port} | ({} if share is None else {"urdf": share / "urdf" / "flexarm.urdf"})
 
 
-def tell_task(namespace: str, words: str) -> None:
+def announce_task(namespace: str, words: str) -> None:
     """Tell the page of an arm what it is used for now, unless it has gone."""
     with suppress(NoAnswerError), socket_client(namespace) as page:
         page.ask("task", text=words)

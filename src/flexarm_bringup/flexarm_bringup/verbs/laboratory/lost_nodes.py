@@ -43,15 +43,15 @@ class LostNodes:
         self._processes = processes
         self._namespace = namespace
         self._words = words
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         for executable in _WITHOUT:
             processes.let_be_replaced(executable)
 
     def look(self) -> None:
         """Tell the end of each node, once, and how another one takes its place."""
         for executable, ending in self._processes.losses().items():
-            if executable not in self._told:
-                self._told.add(executable)
+            if executable not in self._reported:
+                self._reported.add(executable)
                 terminal.CONSOLE.print(as_called(f"{ending}; {self._consequence(executable)}"))
 
     def check(self) -> None:

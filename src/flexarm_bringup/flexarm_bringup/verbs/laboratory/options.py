@@ -73,7 +73,7 @@ REAL_TIME = click.option(
 )
 
 
-def told_rig(rig: str) -> dict[str, str]:
+def rig_parameter(rig: str) -> dict[str, str]:
     """Return the parameter of a node that names its rig; none for the usual one.
 
     Parameter files may name another driver for the thesis's arm.

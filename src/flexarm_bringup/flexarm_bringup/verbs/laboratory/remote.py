@@ -215,8 +215,8 @@ def activate(node: str, namespace: str) -> None:
     """Activate a running node: daq, controller or experiment."""
     namespace, node = _managed(node, namespace)
     state, motion = through(namespace, lambda arm: (arm.activate(node), _motion(arm, node)))
-    told = motion and f"; while both are, the controller drives the arm {motion}"
-    click.echo(f"{node} is {state}{told}")
+    outlook = motion and f"; while both are, the controller drives the arm {motion}"
+    click.echo(f"{node} is {state}{outlook}")
 
 
 @click.command()
@@ -227,8 +227,10 @@ def deactivate(node: str, namespace: str) -> None:
     """Deactivate a running node; the drive goes to zero."""
     namespace, node = _managed(node, namespace)
     state, motion = through(namespace, lambda arm: (arm.deactivate(node), _motion(arm, node)))
-    told = motion and f"; once active again, an active controller drives the arm {motion}, at once"
-    click.echo(f"{node} is {state}{told}")
+    outlook = (
+        motion and f"; once active again, an active controller drives the arm {motion}, at once"
+    )
+    click.echo(f"{node} is {state}{outlook}")
 
 
 def _motion(arm: ArmClient, node: str) -> str:

@@ -39,7 +39,7 @@ from flexarm_bringup.verbs.laboratory.options import (
     TWIN,
     USUAL_RIG,
     chosen_pace,
-    told_rig,
+    rig_parameter,
     twin_rig,
 )
 from flexarm_bringup.verbs.laboratory.set_since import SetSince
@@ -196,7 +196,7 @@ def _run_graph(settings: _Settings) -> None:
         raise LaunchError(f"{bag} is there already and is not overwritten: choose another name")
     if bag:
         require_folder(bag.parent, "--bag")
-    rig = told_rig(settings.rig)
+    rig = rig_parameter(settings.rig)
     daq = {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz}
     parameters = {
         "daq": daq | settings.pace.parameters() | rig,
@@ -237,12 +237,12 @@ def _run_graph(settings: _Settings) -> None:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
             if bag and bag.exists():
-                _tell_record(bag, log, is_cut=bool(processes.exit_codes()["recorder_node"]))
+                _report_record(bag, log, is_cut=bool(processes.exit_codes()["recorder_node"]))
         if bag and processes.exit_codes()["recorder_node"]:
             raise LaunchError("the recording is not complete")
 
 
-def _tell_record(bag: Path, log: Path, *, is_cut: bool) -> None:
+def _report_record(bag: Path, log: Path, *, is_cut: bool) -> None:
     """Print where the record is, and what the recorder has warned of it."""
     cut = f": its end is missing, try {repair_command(bag)}" if is_cut else ""
     terminal.CONSOLE.print(as_called(f"recorded in {bag}{cut}"))

@@ -11,7 +11,7 @@ from flexarm_bringup.console.verb_group import together
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.channels import CLOCKS, Selection, selection
 from flexarm_ident.reading.fields import parse_field
-from flexarm_ident.reading.read import signals_told
+from flexarm_ident.reading.read import signals_text
 from flexarm_ident.records.span import Span
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:
         for name in (*inputs, *outputs):
             parse_field(name)
     except BagError as error:
-        raise BagError(f"{error}; {signals_told(bag)}") from error
+        raise BagError(f"{error}; {signals_text(bag)}") from error
     return selection(inputs, outputs, clock=clock, interpolated=not held, output_only=output_only)
 
 

@@ -47,7 +47,7 @@ def taken_columns(
 
         return load_csv_map(map_file)
     if not is_named:
-        _refuse_untold(tables[0])
+        _refuse_unnamed(tables[0])
     if gone := [str(path) for path in paths if not path.exists()]:
         raise click.UsageError(f"no file or bag {gone[0]!r} is there")
     if len(tables) < len(paths):
@@ -59,7 +59,7 @@ def taken_columns(
     return named
 
 
-def _refuse_untold(table: Path) -> None:
+def _refuse_unnamed(table: Path) -> None:
     from flexarm_ident.importing.csv_table import column_names  # noqa: PLC0415 - not for bags
 
     names = ", ".join(column_names(table))

@@ -111,11 +111,11 @@ def show_modes(
 
 def _verdict(found: OutputModes) -> str:
     lines = len(found.found) - len(found.modes)
-    told = f" and {counted(lines, 'undamped line')}" if lines else ""
+    read = f" and {counted(lines, 'undamped line')}" if lines else ""
     if found.modes:
-        return f"{counted(len(found.modes), 'mode')}{told} from outputs alone"
+        return f"{counted(len(found.modes), 'mode')}{read} from outputs alone"
     return (
-        f"no mode{told}: no resonance stands out of the noise; excite the structure while it is "
+        f"no mode{read}: no resonance stands out of the noise; excite the structure while it is "
         "recorded, or record longer"
     )
 

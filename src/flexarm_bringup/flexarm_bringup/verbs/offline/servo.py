@@ -130,14 +130,14 @@ def write_servo(design: ServoDesign, models: list[str], out: Path) -> None:
     """
     from flexarm_control.servo.c_code import c_controller  # noqa: PLC0415 - not for the help
     from flexarm_control.servo.files import save_controller  # noqa: PLC0415
-    from flexarm_control.servo.report import report, summary, told  # noqa: PLC0415
+    from flexarm_control.servo.report import report, summary, summary_lines  # noqa: PLC0415
 
     out.mkdir(parents=True, exist_ok=True)
     save_controller(out / CONTROLLER_FILE, design.gains, {"models": models})
     (out / C_FILE).write_text(c_controller(design.gains), "utf-8")
     (out / _SUMMARY_FILE).write_text(json.dumps(summary(design), indent=2) + "\n", "utf-8")
     (out / _REPORT_FILE).write_text(report(design), "utf-8")
-    for line in told(design):
+    for line in summary_lines(design):
         terminal.CONSOLE.print(f"  {line}")
     terminal.step(f"Controller: {out / CONTROLLER_FILE}. Report: {out / _REPORT_FILE}")
 

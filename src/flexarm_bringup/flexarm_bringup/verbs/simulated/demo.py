@@ -111,7 +111,7 @@ def write_results(settings: RunSettings, results: DemoResults) -> None:
     (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     terminal.CONSOLE.print(f"  PDPC: {step.text}")
     terminal.CONSOLE.print(f"  planned: {planned.text}")
-    terminal.step(settings.told_results())
+    terminal.step(settings.results_text())
 
 
 def _summary(settings: RunSettings, results: DemoResults) -> dict[str, Any]:

@@ -126,8 +126,8 @@ def design(sources: tuple[Path, ...], law: str | None, **settings: Any) -> None:
     asked = {name: settings.pop(name) for name in tuple(settings) if name not in own}
     if sources or asked["track"]:
         if law not in {None, *_SERVOS}:
-            told = " or ".join(_SERVOS)
-            raise click.UsageError(f"--law {law} is for --payload: a record has the law {told}")
+            laws = " or ".join(_SERVOS)
+            raise click.UsageError(f"--law {law} is for --payload: a record has the law {laws}")
         if not sources:
             raise click.UsageError("--track needs a record or a model: name its file")
         run_servo(sources, law or _SERVOS[0], settings["out"], asked, force=settings["force"])
@@ -188,13 +188,13 @@ def _write(settings: DesignSettings, designed: Designed) -> None:
     text = json.dumps(_summary(settings, designed), indent=2)
     (out / SUMMARY_FILE).write_text(text + "\n", "utf-8")
     (margins,) = designed.result.margins
-    terminal.CONSOLE.print(f"  designed: {designed.step.text}{_told(margins)}")
+    terminal.CONSOLE.print(f"  designed: {designed.step.text}{_margins_text(margins)}")
     terminal.CONSOLE.print(
-        f"  packaged: {designed.packaged.text}{_told(designed.packaged_margins)}"
+        f"  packaged: {designed.packaged.text}{_margins_text(designed.packaged_margins)}"
     )
     for line in designed.remarks:
         terminal.CONSOLE.print(f"  {line}")
-    terminal.step(f"Parameters: {out / CONTROLLER_FILE}. {settings.told_results()}")
+    terminal.step(f"Parameters: {out / CONTROLLER_FILE}. {settings.results_text()}")
 
 
 def _sensitivity(designed: Designed) -> tuple[Words, Plots]:
@@ -212,7 +212,7 @@ def _sensitivity(designed: Designed) -> tuple[Words, Plots]:
     )
 
 
-def _told(margins: Margins | None) -> str:
+def _margins_text(margins: Margins | None) -> str:
     """Return margins on the identified model, to be added to the figures of a step."""
     if margins is None:
         return ""

@@ -144,7 +144,7 @@ def _write(settings: LearnSettings, done: Sequence[Repetition], y: FloatArray) -
     summary = _summary(settings, done)
     (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
     (out / REPORT_FILE).write_text(_page(head, rows, done[kept].played, y, kept), "utf-8")
-    terminal.step(f"Trajectory: {out / TRAJECTORY_FILE}. {settings.told_results()}")
+    terminal.step(f"Trajectory: {out / TRAJECTORY_FILE}. {settings.results_text()}")
 
 
 def _rows(done: Sequence[Repetition]) -> tuple[tuple[str, ...], ...]:

@@ -17,7 +17,7 @@ from flexarm_bringup.verbs.laboratory.live_page import (
     PAGE_NODE,
     PageAddress,
     PageSettings,
-    tell_task,
+    announce_task,
 )
 from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
 from flexarm_bringup.verbs.simulated.run_settings import MODELS_FOLDER
@@ -57,7 +57,7 @@ class NodeRun(SimulatedRun):
         """Tell the user what comes next, on the page too."""
         super().begin(words)
         if self.settings.live:
-            tell_task(self.settings.namespace, words)
+            announce_task(self.settings.namespace, words)
 
     def record(
         self, controller: Mapping[str, Any], bag: Path, samples: int, *, text: str

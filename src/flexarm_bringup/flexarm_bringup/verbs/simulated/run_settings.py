@@ -50,7 +50,7 @@ class RunSettings:
     live: bool
     namespace: str
 
-    def told_results(self) -> str:
+    def results_text(self) -> str:
         """Return where the results are, for the user."""
         kept = str(self.out / _BAG_FOLDER) if self.keep_bag else "removed, --keep-bag keeps them"
         return f"Report: {self.out / REPORT_FILE}. Bags: {kept}"

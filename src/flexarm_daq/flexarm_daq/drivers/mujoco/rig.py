@@ -71,7 +71,7 @@ class MujocoRig:
     def open(self) -> None:
         """Start at the model's rest, at time zero, with the noise's seed; see `Rig.open`."""
         self._arm = MujocoArm(self.settings, self._folder)
-        self._told = LateReadings(self.settings)
+        self._late = LateReadings(self.settings)
         self._is_fresh = True
         self._moved_s = self.clock() if self.clock is not None else 0.0
 
@@ -83,7 +83,7 @@ class MujocoRig:
         elif not self._is_fresh:
             arm.advance(arm.substeps)
         self._is_fresh = False
-        return RigSample(arm.time_s, self._told(arm.time_s, arm.outputs()))
+        return RigSample(arm.time_s, self._late(arm.time_s, arm.outputs()))
 
     def write(self, commands: Sequence[float]) -> None:
         """Command the actuators, which clip as the model says; see `Rig.write`."""

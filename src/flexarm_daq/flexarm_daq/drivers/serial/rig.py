@@ -110,12 +110,13 @@ class SerialRig:
         """What the board says of itself, and how the line has been so far."""
         if self.greeting is None:
             return ""
-        told = self.greeting
-        inputs = [f"{each.name} (limit {each.limit} counts)" for each in told.inputs]
-        outputs = [f"{each.name} ({each.reading})" for each in told.outputs]
+        greeting = self.greeting
+        inputs = [f"{each.name} (limit {each.limit} counts)" for each in greeting.inputs]
+        outputs = [f"{each.name} ({each.reading})" for each in greeting.outputs]
         return (
-            f"board {told.board}, protocol {told.version}, at most "
-            f"{1e6 / told.shortest_period_us:g} Hz, zero after {told.watchdog_ms} ms of silence\n"
+            f"board {greeting.board}, protocol {greeting.version}, at most "
+            f"{1e6 / greeting.shortest_period_us:g} Hz, "
+            f"zero after {greeting.watchdog_ms} ms of silence\n"
             f"its inputs: {', '.join(inputs)}\nits outputs: {', '.join(outputs)}\n"
             f"frames: {self.lost} lost, {self.damaged} damaged"
         )

@@ -128,5 +128,5 @@ def _ends(axis: Axis) -> list[float]:
 def _polyline(points: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> str:
     """Return a path by differences, which are short numbers; what stands still is left out."""
     (x, y), moves = points[0], np.diff(points, axis=0)
-    told = moves[moves.any(axis=1)].ravel().tolist()
-    return f"M{x} {y}l{' '.join(map(str, told))}" if told else f"M{x} {y}h0"
+    steps = moves[moves.any(axis=1)].ravel().tolist()
+    return f"M{x} {y}l{' '.join(map(str, steps))}" if steps else f"M{x} {y}h0"

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
 
 
-_TOLD = {PHYSICAL: "yes", SPLIT: "possibly a split pole", NOISE: "no"}
+_WORDS = {PHYSICAL: "yes", SPLIT: "possibly a split pole", NOISE: "no"}
 _FREQUENCY_DIGITS, _DAMPING_DECIMALS = 4, 4
 
 
@@ -143,7 +143,7 @@ def _weighed(found: Identification) -> Iterator[Block]:
 def pair_words(judged: Sequence[JudgedMode]) -> list[str]:
     """Return a warning for each group of `near_modes`."""
     return [
-        f"{listed([_told_hz(each) for each in group])} Hz stand less than {100.0 * NEAR:g} % "
+        f"{listed([_text_hz(each) for each in group])} Hz stand less than {100.0 * NEAR:g} % "
         "apart. Their shapes are alike (MAC), or they scatter as widely: possibly a split pole."
         for group in near_modes(judged)
     ]
@@ -153,14 +153,14 @@ def recurring_table(judged: Sequence[JudgedMode]) -> Table:
     """Return the modes that recur over the orders, with their scatter and weight."""
     rows = tuple(
         (
-            _told_hz(mode.frequency_hz),
+            _text_hz(mode.frequency_hz),
             _at_least(mode.frequency_std_hz, _decimals(mode.frequency_hz)),
             f"{mode.damping_ratio:.{_DAMPING_DECIMALS}f}",
             _at_least(mode.damping_std, _DAMPING_DECIMALS),
             f"{mode.count} ({100.0 * mode.share:.0f} %)",
             ranges(sorted(mode.orders)),
             f"{each.weight:.3f}",
-            _TOLD[standing],
+            _WORDS[standing],
         )
         for each, standing in zip(judged, standings(judged), strict=True)
         for mode in (each.mode,)
@@ -178,7 +178,7 @@ def _decimals(frequency_hz: float) -> int:
     return max(0, _FREQUENCY_DIGITS - 1 - math.floor(math.log10(frequency_hz)))
 
 
-def _told_hz(frequency_hz: float) -> str:
+def _text_hz(frequency_hz: float) -> str:
     return f"{frequency_hz:.{_decimals(frequency_hz)}f}"
 
 

@@ -107,7 +107,7 @@
       const rect = this.svg.getBoundingClientRect(), [left, top, width, tall] = this.box;
       const at = left + width * part, up = height === null ? null : top + tall * height;
       this.paths ||= [...this.svg.querySelectorAll("[data-read]")].map((path) => [path, points(path)]);
-      const told = [];
+      const read = [];
       for (const [path, found] of this.paths) {
         if (getComputedStyle(path).display === "none" || !found.length) continue;
         const dots = path.getAttribute("d").includes("h0");
@@ -117,12 +117,12 @@
         const best = found.reduce((one, other) => (away(other) < away(one) ? other : one));
         if (away(best) > (dots ? NEAR_PX : FAR * rect.width)) continue;
         const x = dots ? `${plain(this.value("x", best[0]), 4)}: ` : "";
-        told.push(`${path.dataset.read} ${x}${this.inUnits(this.value("y", best[1]))}`.trim());
+        read.push(`${path.dataset.read} ${x}${this.inUnits(this.value("y", best[1]))}`.trim());
       }
       this.cursor.style.left = `${100 * part}%`;
       this.cursor.classList.add("on");
       const x = plain(this.value("x", at), 4);
-      this.head.querySelector(".read").textContent = told.length ? `${x} | ${told.join(", ")}` : x;
+      this.head.querySelector(".read").textContent = read.length ? `${x} | ${read.join(", ")}` : x;
     }
 
     inUnits(value) {

@@ -30,7 +30,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     return begun
 
 
-def test_all___runs_every_bench_of_speed_and_tells_which_failed(
+def test_all___runs_every_bench_of_speed_and_says_which_failed(
     commands: list[list[str]], tmp_path: Path
 ) -> None:
     result = CliRunner().invoke(bench, ["all", "--json", str(tmp_path)])

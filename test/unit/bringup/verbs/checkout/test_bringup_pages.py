@@ -76,7 +76,7 @@ def test_page___steps___are_its_commands_with_their_lines_and_its_files() -> Non
     assert folders(PAGE) == ["examples/own"]
 
 
-def test_page___commands_without_a_prompt___are_told_with_their_lines() -> None:
+def test_page___commands_without_a_prompt___are_reported_with_their_lines() -> None:
     assert list(plain_blocks(PAGE)) == [
         (35, "./flexarm record out/a"),
         (36, "./flexarm run node -p law:=pd"),
@@ -96,7 +96,7 @@ def test_output___as_shown___has_no_differences() -> None:
         assert differences(shown, printed) == [], shown
 
 
-def test_output___other_figures_words_or_order___is_told_with_what_is_there() -> None:
+def test_output___other_figures_words_or_order___is_reported_with_what_is_there() -> None:
     printed = "error 0.199 on 11999 samples\nmode 9.20 Hz\nmode 24.1 Hz\n"
     assert differences(("error 0.203 on 11999 samples",), printed) == [
         "error 0.203 on 11999 samples\n    now: error 0.199 on 11999 samples"

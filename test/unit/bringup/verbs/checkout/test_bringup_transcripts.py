@@ -61,7 +61,7 @@ def test_page___as_its_commands_print___has_nothing_outdated(tmp_path: Path) -> 
     assert not (tmp_path / "kept.txt").exists()
 
 
-def test_page___changed_figure_failure_and_picture___are_told_with_their_lines(
+def test_page___changed_figure_failure_and_picture___are_reported_with_their_lines(
     tmp_path: Path,
 ) -> None:
     root, page = a_checkout(tmp_path, cell="3.5", last="echo so; false", svg="<svg>12.3 14</svg>\n")

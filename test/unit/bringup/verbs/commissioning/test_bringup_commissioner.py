@@ -193,7 +193,7 @@ def test_growth___ends_at_the_travel(tmp_path: Path) -> None:
     assert programme.growth(record, 8.0) == pytest.approx(1.25)
 
 
-def test_dry_run___tells_stages_limits_and_times_and_leaves_nothing(tmp_path: Path) -> None:
+def test_dry_run___says_stages_limits_and_times_and_leaves_nothing(tmp_path: Path) -> None:
     found = CliRunner().invoke(
         main, ["commission", "--rig", "thesis", "--dry-run", "-o", str(tmp_path / "out")]
     )

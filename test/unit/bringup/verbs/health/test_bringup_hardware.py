@@ -37,7 +37,7 @@ def examine(
     return code, capsys.readouterr().out.splitlines()
 
 
-def test_healthy_board___every_step_is_ok_and_the_rest_is_told(
+def test_healthy_board___every_step_is_ok_and_the_rest_is_reported(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     code, lines = examine(capsys, NidaqmxDouble(Board()))
@@ -125,7 +125,9 @@ def test_board_without_readback___is_said_and_the_rest_goes_on(
     assert any(line.startswith("ok    outputs: not tested") for line in lines)
 
 
-def test_board_simulated_by_the_driver___is_told_apart(capsys: pytest.CaptureFixture[str]) -> None:
+def test_board_simulated_by_the_driver___is_distinguished(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     _, lines = examine(capsys, NidaqmxDouble(Board("Sim1")), device="Sim1")
     assert any("SIMULATED by the driver" in line for line in lines)
 

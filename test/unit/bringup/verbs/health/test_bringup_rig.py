@@ -54,7 +54,7 @@ JOINTS = "joints: {hip: {input: motor, angle: hub, travel: 1.57}}"
 
 
 @pytest.mark.parametrize(
-    ("unit", "joints", "told"),
+    ("unit", "joints", "reported"),
     [
         # 1.57 rad to either side are half a turn, and so many degrees next to nothing.
         ("rad", JOINTS, "hub, -1.57 to 1.57 rad, 0.5 turns in all"),
@@ -62,20 +62,20 @@ JOINTS = "joints: {hip: {input: motor, angle: hub, travel: 1.57}}"
         ("deg", "", "no joints: pd, pi, commission and C_dat need them"),
     ],
 )
-def test_check___of_an_own_rig___tells_its_joints_and_drives_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit: str, joints: str, told: str
+def test_check___of_an_own_rig___says_its_joints_and_drives_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit: str, joints: str, reported: str
 ) -> None:
     monkeypatch.setattr("flexarm_bringup.verbs.health.rig._READ_S", 0.2)
     (tmp_path / "mine.py").write_text(DRIVER)
     (tmp_path / "rig.yaml").write_text(RIG.replace("UNIT", unit).replace("JOINTS", joints))
     found = CliRunner().invoke(main, ["rig", "check", str(tmp_path / "rig.yaml")])
     assert found.exit_code == 0, found.output
-    assert told in found.output
+    assert reported in found.output
     assert "stands still: no noise, or not wired" in found.output
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "told"),
+    ("before", "after", "reported"),
     [
         # A board of another rate, milliseconds, a wire that is off, an amplifier at its end.
         ("0.02", "0.025", f"the rig samples at 40 Hz, {REMEDY}"),
@@ -85,7 +85,7 @@ def test_check___of_an_own_rig___tells_its_joints_and_drives_nothing(
     ],
 )
 def test_check___of_a_reading_or_a_rate_of_no_use___is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str, after: str, told: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str, after: str, reported: str
 ) -> None:
     monkeypatch.setattr("flexarm_bringup.verbs.health.rig._READ_S", 0.2)
     (tmp_path / "mine.py").write_text(DRIVER.replace(before, after))
@@ -93,7 +93,7 @@ def test_check___of_a_reading_or_a_rate_of_no_use___is_refused(
     (tmp_path / "rig.yaml").write_text(rig)
     found = CliRunner().invoke(main, ["rig", "check", str(tmp_path / "rig.yaml")])
     assert found.exit_code == 1
-    assert found.stderr == f"flexarm: {told}\n"
+    assert found.stderr == f"flexarm: {reported}\n"
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_check___of_a_rig_that_the_machine_paces___judges_the_rig_and_not_the_ma
     monkeypatch.setattr(at_rest, "time", SimpleNamespace(monotonic=monotonic, sleep=sleep))
     (tmp_path / "rig.yaml").write_text(RIG.replace("UNIT", "deg").replace("JOINTS", JOINTS))
     found = CliRunner().invoke(main, ["rig", "check", str(tmp_path / "rig.yaml")])
-    told = re.search(r"rate ([0-9.]+) Hz, 10 samples", found.output)
-    assert told is not None
-    assert float(told[1]) == pytest.approx(rate_hz, rel=1e-3)
+    reported = re.search(r"rate ([0-9.]+) Hz, 10 samples", found.output)
+    assert reported is not None
+    assert float(reported[1]) == pytest.approx(rate_hz, rel=1e-3)
     assert found.exit_code == (rate_hz != 50.0)

@@ -37,7 +37,7 @@ def torn_node(
 
 
 @pytest.mark.parametrize("executable", CASES)
-def test_node_that_no_loop_needs___ends___is_told_once_and_is_the_error_of_the_end(
+def test_node_that_no_loop_needs___ends___is_reported_once_and_is_the_error_of_the_end(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -51,8 +51,8 @@ def test_node_that_no_loop_needs___ends___is_told_once_and_is_the_error_of_the_e
         nodes.check()
         with pytest.raises(LaunchError, match=f"^{executable} ended with exit code 3: torn$"):
             lost.check()
-    told = " ".join(capsys.readouterr().out.split())
-    assert told == f"{executable} ended with exit code 3: torn; {CASES[executable]}"
+    reported = " ".join(capsys.readouterr().out.split())
+    assert reported == f"{executable} ended with exit code 3: torn; {CASES[executable]}"
 
 
 def test_node_of_the_loop___ends___is_the_end_of_all(
@@ -68,12 +68,12 @@ def test_node_of_the_loop___ends___is_the_end_of_all(
     assert capsys.readouterr().out == ""
 
 
-def test_page___ends_after_it_was_served___is_told(
+def test_page___ends_after_it_was_served___is_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with NodeProcesses(*torn_node(monkeypatch, tmp_path, "live_node")) as nodes:
         nodes.let_be_replaced("live_node")
         until(lambda: bool(nodes.endings()))
         LostNodes(nodes, "/flexarm", WORDS).look()
-    told = " ".join(capsys.readouterr().out.split())
-    assert "torn; the arm goes on without it; to have it back, end this up by Ctrl-C" in told
+    reported = " ".join(capsys.readouterr().out.split())
+    assert "torn; the arm goes on without it; to have it back, end this up by Ctrl-C" in reported

@@ -42,8 +42,8 @@ def test_record___options___become_parameters_of_the_recorder(
 
     assert result.exit_code == 0, result.output
     (command,) = begun
-    told = [word for flag, word in pairwise(command) if flag == "-p"]
-    assert told == [f"bag:='{tmp_path / 'run'}'", *given]
+    reported = [word for flag, word in pairwise(command) if flag == "-p"]
+    assert reported == [f"bag:='{tmp_path / 'run'}'", *given]
 
 
 def test_record___beside_up___is_a_node_of_another_name(
@@ -73,7 +73,7 @@ def played(monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[str, list[list
     return done.output, begun
 
 
-def test_play___tells_at_once_what_it_will_play_and_when(
+def test_play___says_at_once_what_it_will_play_and_when(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     # 500 samples of 2 ms and a reference: the last one is 0.998 s, its command 0.4 ms, later.
@@ -87,7 +87,7 @@ def test_play___tells_at_once_what_it_will_play_and_when(
     assert "rate:=2.0" in command
 
 
-def test_play___single_file_to_stand_in___tells_its_name(
+def test_play___single_file_to_stand_in___says_its_name(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     file = mcap_file(write_bag(tmp_path / "run", experiment(5)))

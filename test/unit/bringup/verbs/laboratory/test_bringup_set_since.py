@@ -60,7 +60,7 @@ def test_words___are_those_of_the_start_with_what_was_set_since(client: Client) 
     assert since.lost({**start, "reference": "square"}) == []
 
 
-def test_models___are_told_and_stand_in_no_line(client: Client) -> None:
+def test_models___are_reported_and_stand_in_no_line(client: Client) -> None:
     since = SetSince(client, "controller")  # type: ignore[arg-type]
     client.hear(event(lqg__effort_weight=2.0, lqg__model="own"))
     client.hear(event(new=True, models__own__A=[1.0]))

@@ -99,15 +99,17 @@ def saved(file: Path, limit: float) -> Path:
     return file
 
 
-def test_twin___of_a_model_that_changed_since___is_told(
+def test_twin___of_a_model_that_changed_since___is_reported(
     controller: dict[str, Any], model: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for limit, is_told in ((1.0, False), (2.0, True)):
+    for limit, is_reported in ((1.0, False), (2.0, True)):
         saved(model, limit)
         with pytest.raises(Started):
             up.up.main(["--twin", str(model)], standalone_mode=False)
-        told = "mine.yaml does not match the model any more: remove it" in capsys.readouterr().out
-        assert told is is_told
+        reported = (
+            "mine.yaml does not match the model any more: remove it" in capsys.readouterr().out
+        )
+        assert reported is is_reported
     assert controller["law"] == "pd"
 
 

@@ -69,16 +69,16 @@ def program(
     return [NodeProgram("flexarm_live", "foxglove_node", {})], folder / "nodes.log"
 
 
-def test_address___once_the_node_has_told_it___is_shown_once_and_its_end_is_not_that_of_all(
+def test_address___once_the_node_has_reported_it___is_shown_once_and_its_end_is_not_that_of_all(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = tmp_path / "told"
-    lines = f"while [ ! -e {told} ]; do sleep 0.02; done", f"echo '{INFORMATION}'", "exit 1"
+    reported = tmp_path / "told"
+    lines = f"while [ ! -e {reported} ]; do sleep 0.02; done", f"echo '{INFORMATION}'", "exit 1"
     with NodeProcesses(*program(monkeypatch, tmp_path, *lines)) as nodes:
         address = FoxgloveAddress(nodes)
         address.look()
         assert capsys.readouterr().out == ""
-        told.touch()
+        reported.touch()
         until(lambda: bool(nodes.endings()))
         for _ in range(2):
             address.look()

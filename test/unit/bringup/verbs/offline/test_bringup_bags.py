@@ -18,7 +18,7 @@ def a_bag(path: Path) -> Path:
     return write_bag(path, samples)
 
 
-def test_bag_repair___damaged_bag___counts_what_is_lost_and_tells_each_damage_in_a_line(
+def test_bag_repair___damaged_bag___counts_what_is_lost_and_says_each_damage_in_a_line(
     tmp_path: Path,
 ) -> None:
     recording = Recording(tmp_path / "whole")

@@ -40,8 +40,8 @@ def test_path___that_is_named_twice___is_refused(
     table(Path("run.csv"))
     Path("link").symlink_to("bag")
     paths = [Path("run.csv"), Path("bag"), Path(again)]
-    told = rf"^{Path(again)} is named twice, and would count"
-    with pytest.raises(click.UsageError, match=told):
+    reported = rf"^{Path(again)} is named twice, and would count"
+    with pytest.raises(click.UsageError, match=reported):
         taken_columns(paths, columns, {"inputs": (), "outputs": ()})
 
 
@@ -56,17 +56,17 @@ def test_each___of_csv_files___has_them_by_their_names_and_knows_them_again(
     for again in ("", ", 1 of them there already"):
         done = CliRunner().invoke(main, [*words.split(), "--jobs", "1"], prog_name="flexarm")
         assert done.exit_code == 1
-        told = " ".join(done.stdout.split())
-        assert f"1 model{again}; table in out/models.csv" in told
-        assert "no model of short.csv: short.csv: 40 samples are too few" in told
+        reported = " ".join(done.stdout.split())
+        assert f"1 model{again}; table in out/models.csv" in reported
+        assert "no model of short.csv: short.csv: 40 samples are too few" in reported
         assert Path("out/long_csv/model.yaml").exists()
         with Path("out/models.csv").open(encoding="utf-8", newline="") as stream:
             assert [row["bag"] for row in csv.DictReader(stream)] == ["long.csv", "short.csv"]
 
 
-def test_csv___without_a_map___is_told_what_is_missing(tmp_path: Path) -> None:
-    told = r"run\.csv is a CSV file: .*--input COLUMN .*--map FILE; columns: t, u, y"
-    with pytest.raises(click.UsageError, match=told):
+def test_csv___without_a_map___is_refused_with_what_is_missing(tmp_path: Path) -> None:
+    reported = r"run\.csv is a CSV file: .*--input COLUMN .*--map FILE; columns: t, u, y"
+    with pytest.raises(click.UsageError, match=reported):
         taken_columns([table(tmp_path / "run.csv")], None, {"inputs": (), "outputs": ()})
 
 

@@ -32,7 +32,7 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
-def told(*arguments: object) -> str:
+def reported(*arguments: object) -> str:
     result = CliRunner().invoke(main, ["identify", *map(str, arguments)])
     return f"{result.output}{result.exception or ''}"
 
@@ -41,7 +41,7 @@ def test_identify___of_outputs_alone___prints_modes_and_shapers_and_writes_them(
     log: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    text = told(log, "--output-only", "-o", out)
+    text = reported(log, "--output-only", "-o", out)
     found = json.loads((out / "modes.json").read_text())
     (mode,) = found["modes"]
     (shapers,) = found["shapers"]
@@ -56,7 +56,7 @@ def test_identify___of_outputs_alone___prints_modes_and_shapers_and_writes_them(
 
 
 def test_identify___of_noise_alone___says_that_there_is_no_mode(log: Path, tmp_path: Path) -> None:
-    text = told(log, "--output-only", "--output", "accel_y", "-o", tmp_path / "out")
+    text = reported(log, "--output-only", "--output", "accel_y", "-o", tmp_path / "out")
 
     assert "no mode: no resonance stands out of the noise" in text
 
@@ -75,7 +75,7 @@ def test_identify___of_noise_alone___says_that_there_is_no_mode(log: Path, tmp_p
 def test_identify___of_a_log_without_an_input___names_the_way(
     log: Path, tmp_path: Path, options: list[str], words: str
 ) -> None:
-    assert words in told(log, *options, "-o", tmp_path / "out")
+    assert words in reported(log, *options, "-o", tmp_path / "out")
 
 
 def test_identify___of_outputs_alone___leaves_files_of_others(log: Path, tmp_path: Path) -> None:
@@ -83,5 +83,5 @@ def test_identify___of_outputs_alone___leaves_files_of_others(log: Path, tmp_pat
     out.mkdir()
     (out / "modes.json").write_text("{}")
 
-    assert "was not written by flexarm" in told(log, "--output-only", "-o", out)
+    assert "was not written by flexarm" in reported(log, "--output-only", "-o", out)
     assert (out / "modes.json").read_text() == "{}"

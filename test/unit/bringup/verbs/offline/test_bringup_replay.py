@@ -27,11 +27,11 @@ def replayed(folder: Path, run: ControlledRun, *options: str) -> Result:
     return CliRunner().invoke(main, ["replay", str(bag), *options])
 
 
-def with_gain_from(first: int, kp: float, *, told: bool) -> ControlledRun:
+def with_gain_from(first: int, kp: float, *, reported: bool) -> ControlledRun:
     """Return a run whose gain changes at a sample."""
     run = pd_run(first - 1)
-    if told:
-        run.tell(first - 1, pd_parameters(kp), reference_v=0.5)
+    if reported:
+        run.report(first - 1, pd_parameters(kp), reference_v=0.5)
     for k in range(first - 1, SAMPLES):
         run.answer(k, pd_answer(outputs(k), 0.5, kp))
     return run
@@ -47,7 +47,7 @@ def test_replay___of_equal_commands___says_so_in_one_line(tmp_path: Path) -> Non
 def test_replay___gain_that_is_not_the_recorded_one___is_named_at_its_first_sample(
     tmp_path: Path,
 ) -> None:
-    result = replayed(tmp_path, with_gain_from(21, 1.5, told=False))
+    result = replayed(tmp_path, with_gain_from(21, 1.5, reported=False))
 
     assert result.exit_code == 1
     verdict, first, *_, more = result.output.splitlines()
@@ -60,8 +60,10 @@ def test_replay___gain_that_is_not_the_recorded_one___is_named_at_its_first_samp
     assert more == "  and 15 more"
 
 
-def test_replay___change_that_was_told___is_named_also_with_a_difference(tmp_path: Path) -> None:
-    run = with_gain_from(21, 1.5, told=True)
+def test_replay___change_that_was_reported___is_named_also_with_a_difference(
+    tmp_path: Path,
+) -> None:
+    run = with_gain_from(21, 1.5, reported=True)
     number, sample, _, compensation_v = run.answers[30]
     run.answers[30] = (number, sample, 3.0, compensation_v)
 
@@ -75,7 +77,7 @@ def test_replay___change_that_was_told___is_named_also_with_a_difference(tmp_pat
 
 
 @pytest.mark.parametrize("options", [(), ("--tolerance", "1e-9")])
-def test_replay___difference_as_of_another_machine___is_told_with_the_way_out(
+def test_replay___difference_as_of_another_machine___is_reported_with_the_way_out(
     tmp_path: Path, options: tuple[str, ...]
 ) -> None:
     run = pd_run(SAMPLES)
@@ -93,10 +95,10 @@ def test_replay___difference_as_of_another_machine___is_told_with_the_way_out(
         assert "--tolerance 1e-09" in result.output
 
 
-def test_replay___commands_before_the_law_was_told___are_counted(tmp_path: Path) -> None:
+def test_replay___commands_before_the_law_was_reported___are_counted(tmp_path: Path) -> None:
     run = pd_run(10)
     run.laws.clear()
-    run.tell(10, pd_parameters(1.0), reference_v=0.5)
+    run.report(10, pd_parameters(1.0), reference_v=0.5)
     for k in range(10, SAMPLES):
         run.answer(k, pd_answer(outputs(k), 0.5, 1.0))
 

@@ -90,7 +90,7 @@ def test_design___auto___meets_the_margin_that_was_asked_for(model: Path, tmp_pa
         (["{model}", "--track", "hub", "--input", "torque"], "signals of a record"),
     ],
 )
-def test_design___wrong_words___are_told_in_one_line(
+def test_design___wrong_words___are_reported_in_one_line(
     model: Path, tmp_path: Path, words: list[str], said: str
 ) -> None:
     said_words = [word.format(model=model) for word in words]
@@ -120,7 +120,7 @@ def _csv(folder: Path, header: str) -> Path:
         ("time,angle,current_cmd [A]", ("current_cmd [A]",), ("angle",)),
     ],
 )
-def test_guessed_columns___usual_names___are_told_apart(
+def test_guessed_columns___usual_names___are_distinguished(
     tmp_path: Path, header: str, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> None:
     assert guessed_columns(_csv(tmp_path, header), (), ()) == (inputs, outputs)

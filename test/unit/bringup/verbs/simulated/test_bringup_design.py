@@ -15,8 +15,8 @@ UNSTABLE = margins(MODEL, PdpGains(kp=5.0, kd=0.1, ksg=0.01))
 
 def test_model_that_calls_a_law_unstable_which_has_settled___is_doubted() -> None:
     assert not UNSTABLE.stable
-    (told,) = remarks(UNSTABLE, packaged_s=1.0, designed_s=1.0)
-    assert "the packaged controller is unstable on this model" in told
+    (reported,) = remarks(UNSTABLE, packaged_s=1.0, designed_s=1.0)
+    assert "the packaged controller is unstable on this model" in reported
     assert remarks(UNSTABLE, packaged_s=inf, designed_s=1.0) == []
 
 
@@ -24,8 +24,8 @@ def test_packaged_law_that_settles_much_earlier___is_advised_where_its_margins_s
     assert AMPLE.gain_margin_db > 10.0
     assert AMPLE.phase_margin_deg > 55.0
     for designed_s in (2.0, inf):
-        (told,) = remarks(AMPLE, packaged_s=1.0, designed_s=designed_s)
-        assert "the packaged controller settled much earlier" in told
+        (reported,) = remarks(AMPLE, packaged_s=1.0, designed_s=designed_s)
+        assert "the packaged controller settled much earlier" in reported
     assert remarks(AMPLE, packaged_s=1.0, designed_s=1.2) == []
     assert SMALL.stable
     assert SMALL.gain_margin_db < 10.0

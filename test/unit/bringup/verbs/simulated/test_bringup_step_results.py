@@ -14,7 +14,7 @@ def step_with(compensation_v: list[float]) -> IoData:
     return IoData(column, np.zeros((len(column), 4)), dt_s=1.0 / 300.0, compensation=column)
 
 
-def test_switching_words___compensation_that_chatters___tell_level_and_turns() -> None:
+def test_switching_words___compensation_that_chatters___say_level_and_turns() -> None:
     (words,) = switching_words(step_with([0.7, -0.7] * 20 + [0.0] * 60))
     assert "±0.7 V" in words
     assert "here 39 times:" in words

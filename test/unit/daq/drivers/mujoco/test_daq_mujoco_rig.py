@@ -79,7 +79,7 @@ def run(rig: MujocoRig, commands: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize(("delay_s", "frame_hz"), [(0.02, 0.0), (0.0, 60.0), (0.013, 100.0)])
-def test_camera___tells_the_frame_that_was_taken_before_its_delay(
+def test_camera___says_the_frame_that_was_taken_before_its_delay(
     folder: Path, delay_s: float, frame_hz: float
 ) -> None:
     commands = np.random.default_rng(4).standard_normal((200, 1))
@@ -261,7 +261,7 @@ def test_urdf___joint_without_actuator_and_sensor___gets_them_by_the_joints_name
         ({"payload_body": "rim", "payload_kg": 1.0}, r"no body rim.*: it has world, wheel"),
     ],
 )
-def test_model___that_lacks_what_is_named___is_told_in_a_line(
+def test_model___that_lacks_what_is_named___is_reported_in_a_line(
     folder: Path, changes: dict[str, object], said: str
 ) -> None:
     (folder / "broken.xml").write_text("<mujoco><worldbody>")

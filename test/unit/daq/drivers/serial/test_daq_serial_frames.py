@@ -138,10 +138,10 @@ def test_line___with_five_of_a_hundred_frames_hit___counts_them_exactly() -> Non
 
 @given(st.binary(max_size=100))
 def test_messages___of_any_content___are_read_or_none(content: bytes) -> None:
-    for told in (b"\x81\x01" + content, b"\x82" + content):
-        if (found := greeting(told)) is not None:
+    for reported in (b"\x81\x01" + content, b"\x82" + content):
+        if (found := greeting(reported)) is not None:
             assert found.version == 1
-        if (sample := board_sample(told, 2, 4)) is not None:
+        if (sample := board_sample(reported, 2, 4)) is not None:
             assert (len(sample.applied), len(sample.raw)) == (2, 4)
 
 

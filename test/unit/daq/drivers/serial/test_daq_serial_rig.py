@@ -203,7 +203,7 @@ def test_rig___board_of_another_version___is_refused() -> None:
     board.close()
 
 
-def test_rig___line_without_a_board___is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rig___line_without_a_board___is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serial_rig, "_GREETING_S", 0.3)
     board = Board(b"")
     with pytest.raises(RigError, match="no board has answered: flash the firmware"):
@@ -229,7 +229,7 @@ def test_rig___that_the_board_does_not_have___is_refused(
     opened(board).close()
 
 
-def test_line___that_is_none___is_told(tmp_path: Path) -> None:
+def test_line___that_is_none___is_reported(tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"No such file .*: plug the board in"):
         SerialRig(settings(str(tmp_path / "ttyX"))).open()
     (tmp_path / "file").write_bytes(b"")

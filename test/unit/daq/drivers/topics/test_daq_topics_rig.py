@@ -81,7 +81,7 @@ def test_sample___waits___for_states_of_another_thread() -> None:
     assert 0.02 < time.monotonic() - begun_s < 5.0
 
 
-def test_sample___states_that_lack_a_joint___are_left_out_and_told() -> None:
+def test_sample___states_that_lack_a_joint___are_left_out_and_reported() -> None:
     inbox = Inbox(SETTINGS)
     others(inbox)
     states(inbox, 1.0)
@@ -91,7 +91,7 @@ def test_sample___states_that_lack_a_joint___are_left_out_and_told() -> None:
         inbox.sample(0.01)
 
 
-def test_sample___kind_that_the_states_do_not_have___is_told() -> None:
+def test_sample___kind_that_the_states_do_not_have___is_reported() -> None:
     inbox = Inbox(TopicsSettings("/c", ("effort:elbow",)))
     states(inbox, 1.0)
     with pytest.raises(RigError, match="they have no effort, which an output needs"):
@@ -99,7 +99,7 @@ def test_sample___kind_that_the_states_do_not_have___is_told() -> None:
 
 
 @pytest.mark.parametrize("stamp_s", [1.0, 0.5])
-def test_sample___stamps_that_stand_or_go_back___are_told(stamp_s: float) -> None:
+def test_sample___stamps_that_stand_or_go_back___are_reported(stamp_s: float) -> None:
     inbox = Inbox(SETTINGS)
     others(inbox)
     states(inbox, 1.0)
@@ -109,7 +109,7 @@ def test_sample___stamps_that_stand_or_go_back___are_told(stamp_s: float) -> Non
         inbox.sample(0.01)
 
 
-def test_sample___sensor_that_is_silent___is_told_by_its_topic() -> None:
+def test_sample___sensor_that_is_silent___is_reported_by_its_topic() -> None:
     inbox = Inbox(SETTINGS)
     states(inbox, 1.0)
     inbox.reading("float", "/strain", {"data": 7.0})
@@ -117,7 +117,7 @@ def test_sample___sensor_that_is_silent___is_told_by_its_topic() -> None:
         inbox.sample(0.01)
 
 
-def test_sample___sensor_whose_newest_reading_is_old___is_told() -> None:
+def test_sample___sensor_whose_newest_reading_is_old___is_reported() -> None:
     inbox = Inbox(replace(SETTINGS, stale_s=0.05))
     others(inbox)
     time.sleep(0.1)

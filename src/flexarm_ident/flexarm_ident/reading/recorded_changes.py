@@ -27,7 +27,7 @@ PARAMETER_EVENT = "rcl_interfaces/msg/ParameterEvent"
 _EVENTS = "/parameter_events"
 
 
-def told_changes(
+def recorded_changes(
     bag: Bag, topic: str, samples: Recorded, table: Timetable
 ) -> tuple[DataWarning, ...]:
     """Return the warnings of a bag of our own rig, of the kind that `diagnostics.change` has.
@@ -76,10 +76,10 @@ class _Places:
         )
 
     def inside(
-        self, told: Iterable[tuple[int, str]], times_ns: NDArray[np.int64]
+        self, changes: Iterable[tuple[int, str]], times_ns: NDArray[np.int64]
     ) -> Iterator[tuple[int, str]]:
         """Yield the row and the text of each change within the record."""
-        for time_ns, text in told:
+        for time_ns, text in changes:
             following = int(np.searchsorted(times_ns, time_ns))
             if 0 < following < len(self._rows) and self._rows[following] < self._count:
                 yield int(self._rows[following]), text
@@ -114,12 +114,12 @@ def _laws(bag: Bag, topic: str) -> Iterator[tuple[int, str]]:
     if not bag.has(law, LAW_IN_FORCE) or not bag.count(law):
         return
     messages = bag.messages(law, LAW_IN_FORCE)
-    told = [
+    changes = [
         (NS * each.header.stamp.sec + each.header.stamp.nanosec, values)
         for each in messages
         if "law" in (values := _values(each.parameters))
     ]
-    for (_, before), (time_ns, after) in pairwise(told):
+    for (_, before), (time_ns, after) in pairwise(changes):
         if text := _difference(before, after):
             yield time_ns, text
 
