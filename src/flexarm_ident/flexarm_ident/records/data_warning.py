@@ -123,6 +123,13 @@ CONVERTED = Kind(
     "`--wrap 0` leaves an angle, `--wrap 4000` sets another period; `--bias none` leaves a mean",
     Grade.INFORMATION,
 )
+DROPOUTS = Kind(
+    "dropouts",
+    "Drop-outs",
+    "an output that is smooth else jumps to a level, or keeps its value for up to 20 samples, and "
+    "jumps back, at two places or more: these samples count as missing",
+    "check the wire, the sensor's supply and the bus",
+)
 PLANT_CHANGED = Kind(
     "plant_changed",
     "Change of plant or controller",
@@ -140,5 +147,5 @@ TABLE = Kind(
     "see Forms of a file",
     Grade.INFORMATION,
 )
-RECORDING = (LOST_SAMPLES, SAMPLING, PARTIAL_RECORD, CONVERTED, PLANT_CHANGED, TABLE)
+RECORDING = (LOST_SAMPLES, SAMPLING, PARTIAL_RECORD, CONVERTED, DROPOUTS, PLANT_CHANGED, TABLE)
 """What the reading of a record reports."""

@@ -12,6 +12,7 @@ from flexarm_core.arrays import column_range
 from flexarm_core.channels import CHANNELS
 from flexarm_core.errors import DataError
 from flexarm_ident.records.data_warning import CONVERTED
+from flexarm_ident.records.dropouts import without_dropouts
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.magnitude import in_range
 
@@ -42,8 +43,9 @@ def preprocess(
 ) -> IoData:
     """Prepare a record as section 2.5 does, with defaults that do no damage.
 
-    The steps are: Coulomb compensation removed from the input (section 2.4.3), output biases
-    removed, strain gauges forced to zero mean, low-pass filter, decimation.
+    The steps are: drop-outs of sensors set to missing, Coulomb compensation removed from the input
+    (section 2.4.3), output biases removed, strain gauges forced to zero mean, low-pass filter,
+    decimation.
 
     The mean of a position is legitimate signal (a square wave between 0 and 3 V has one), so the
     default bias of an output is its mean over the rest at the start: the samples before the input
@@ -87,7 +89,7 @@ def preprocess(
     DataError
         If the cut-off is not below the Nyquist frequency.
     """
-    data = in_range(data)
+    data = in_range(without_dropouts(data))
     prepared = remove_compensation(data) if compensation == "remove" else data
     prepared = _subtract(prepared, _bias(prepared, bias, zero_mean))
     if bias != "none":

@@ -8,7 +8,15 @@ from support.project import PROJECT
 
 # Codes are for programs: one that is renamed breaks them.
 CODES = {
-    *("lost_samples", "sampling", "partial_record", "converted", "plant_changed", "table"),
+    *(
+        "lost_samples",
+        "sampling",
+        "partial_record",
+        "converted",
+        "plant_changed",
+        "table",
+        "dropouts",
+    ),
     *("constant_channel", "saturation", "dead_sensor", "duplicated_channel", "offset"),
     *("feedback", "drive", "excitation", "few_values", "outliers", "quantisation"),
     *("no_answer", "delay"),
