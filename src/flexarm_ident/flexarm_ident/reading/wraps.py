@@ -28,11 +28,12 @@ if TYPE_CHECKING:
 
     Rows = tuple[FloatArray, FloatArray]
 
-# A turn as one, in degrees, tenths and hundredths of them, radians, gon, in the counts of encoders
+# A turn as one, in degrees, tenths and hundredths of them, radians, gon, half a turn as of a line or
+# an arc tangent, in the counts of encoders
 # of so many lines, and in those of 8 to 32 bits.
 _LINES = (250, 500, 1000, 1250, 2000, 2500, 5000, 10000)
 PERIODS = (
-    *(1.0, 360.0, 3600.0, 36000.0, 2.0 * math.pi, 400.0),
+    *(1.0, 360.0, 3600.0, 36000.0, 2.0 * math.pi, 400.0, 180.0, math.pi),
     *(4.0 * lines for lines in _LINES),
     *(2.0**bits for bits in range(8, 33)),
 )
@@ -40,7 +41,7 @@ _TOLERANCE = 0.01
 _SMALL, _LARGE = 0.25, 0.75
 # Part of a period by which printed values may be beyond it, and how much faster than elsewhere an
 # angle may cross it.
-_BEYOND, _LONGER = 1e-4, 1.2
+_BEYOND, _LONGER = 5e-4, 1.2
 # Part of the steps that lost samples may have made ambiguous.
 _AMBIGUOUS = 0.01
 # Part of the power of an angle's accelerations that is left when its turns are counted, and of the

@@ -45,7 +45,7 @@ def expect_angle(found: FloatArray, angle: FloatArray, period: float) -> None:
     ("period", "lowest"),
     [
         *((360.0, 0.0), (360.0, -180.0), (2.0 * math.pi, 0.0), (2.0 * math.pi, -math.pi)),
-        *((3600.0, 0.0), (36000.0, 0.0), (400.0, 0.0)),
+        *((3600.0, 0.0), (36000.0, 0.0), (400.0, 0.0), (180.0, 0.0), (math.pi, -0.5 * math.pi)),
     ],
 )
 def test_angle___that_wraps___has_its_turns_counted(
