@@ -82,10 +82,9 @@ def _on_their_way(ledger: Ledger) -> list[Raw]:
     """
     found = []
     for topic in range(len(TOPICS)):
-        of_topic = [each for each in enumerate(ledger.handed) if each[1][0].topic == topic]
-        before = [each for number, each in of_topic if number < ledger.before][-_RECENT:]
-        for number, (raw, _) in of_topic:
-            if number < ledger.before:
+        before = [each for each in ledger.heard if each[0].topic == topic][-_RECENT:]
+        for raw, _ in ledger.handed[ledger.before :]:
+            if raw.topic != topic:
                 continue
             ahead_s = _ahead_s(raw)
             ways_s = [at_s - each.sent_s for each, at_s in before if _ahead_s(each) == ahead_s]

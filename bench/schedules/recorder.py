@@ -125,6 +125,8 @@ class Ledger:
         Instant at which a user asked for the end.
     before : int
         Messages that were handed before that.
+    heard : list of Raw and float
+        Messages that the process received before that, whether it recorded or not.
     wall_clock_holds : bool
         False when the wall clock was set while the bag was recorded.
     """
@@ -136,6 +138,7 @@ class Ledger:
     awake_s: float = 0.0
     asked_s: float = math.inf
     before: int = 0
+    heard: list[tuple[Raw, float]] = field(default_factory=list)
     wall_clock_holds: bool = True
 
 
@@ -169,13 +172,14 @@ class Recorder(Process):
         self._bags = 0
         self._recording = Recording(TOPICS, TOPICS[:1], quiet_s=_QUIET_S)
         self._waiting: list[Raw] = []
+        self._heard: list[tuple[Raw, float]] = []
         self._drain_until_s = math.inf
         self._woken_s = 0.0
 
     def start(self) -> None:
         """Start the process: it records at once."""
         free = self.disk.free
-        self.alive, self.disk, self._waiting = True, Disk(), []
+        self.alive, self.disk, self._waiting, self._heard = True, Disk(), [], []
         self.disk.free = free
         self.stalled_until_s, self.portion_s = -math.inf, 0.0
         self._recording = Recording(TOPICS, TOPICS[:1], quiet_s=_QUIET_S)
@@ -233,6 +237,7 @@ class Recorder(Process):
             if self._recording.ending:
                 ledger = self.ledgers[-1]
                 ledger.asked_s, ledger.before = self.world.now_s, len(ledger.handed)
+                ledger.heard = list(self._heard)
 
     def _resume(self) -> None:
         if self.stalled:
@@ -257,13 +262,15 @@ class Recorder(Process):
 
     def _work(self, messages: list[Raw]) -> None:
         now_s, recording = self.world.now_s, self._recording
+        received = [(message, now_s) for message in messages]
         if recording.writer is not None:
-            self.ledgers[-1].handed += [(message, now_s) for message in messages]
+            self.ledgers[-1].handed += received
         try:
             if recording.ending:
                 recording.finish(messages, self.world.monotonic_ns())
                 self._finish_if_over()
             else:
+                self._heard += received
                 recording.take(messages, self.world.monotonic_ns())
             self._woken_s = now_s
         except RecordingError as error:
