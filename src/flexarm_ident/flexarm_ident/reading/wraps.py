@@ -28,9 +28,8 @@ if TYPE_CHECKING:
 
     Rows = tuple[FloatArray, FloatArray]
 
-# A turn as one, in degrees, tenths and hundredths of them, radians, gon, half a turn as of a line or
-# an arc tangent, in the counts of encoders
-# of so many lines, and in those of 8 to 32 bits.
+# A turn as one, in degrees, tenths and hundredths of them, radians, gon, half a turn as of a
+# line or an arctangent, counts of encoders of so many lines, and those of 8 to 32 bits.
 _LINES = (250, 500, 1000, 1250, 2000, 2500, 5000, 10000)
 PERIODS = (
     *(1.0, 360.0, 3600.0, 36000.0, 2.0 * math.pi, 400.0, 180.0, math.pi),
