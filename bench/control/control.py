@@ -21,7 +21,7 @@ from rich.table import Table
 from scipy.optimize import NonlinearConstraint, minimize
 from scipy.signal import dlsim
 
-from bench.control.peers import peer_steps, peer_table
+from bench.control.peers import has_osqp, peer_steps, peer_table
 from bench.tools import count_option, json_option, run_trials, write_json
 from flexarm_bringup.console import terminal
 from flexarm_control import (
@@ -117,6 +117,10 @@ def main(*, seeds: int, peers: bool, json_file: Path | None) -> None:
     if peers:
         steps = peer_steps()
         terminal.show_table(peer_table(steps))
+        if not has_osqp():
+            terminal.note(
+                "without mpc: ./flexarm exec python -m pip install -r requirements/mpc.in"
+            )
         write_json(json_file, [each._asdict() for each in steps])
         return
     models = [nominal_model(payload_kg) for payload_kg in nominal_payloads_kg()]

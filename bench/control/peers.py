@@ -2,18 +2,22 @@
 
 All know the payload: they are designed on the printed model of it. `lqg by the book` is
 python-control's `dlqr` and `dlqe` with weights by Bryson's rule and a static gain on the set-point;
-`pd + zv` is the thesis's PD behind the shaper of Singer and Seering (1990). The figures are without
-the sensors' noise.
+`mpc` has the same weights, an estimated force, and the limits in a quadratic program; `pd + zv` is
+the thesis's PD behind the shaper of Singer and Seering (1990). The figures are without the sensors'
+noise.
 """
 
 from __future__ import annotations
 
 import time
+from importlib.util import find_spec
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import control
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.sparse import csc_matrix
 
 from bench.tools import make_table
 from flexarm_control import PdpGains, build_law, margins, nominal_model, step_figures
@@ -36,12 +40,15 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from flexarm_control.laws.law_protocol import Law
+    from flexarm_core.arrays import FloatArray
 
 PAYLOADS_KG, SETPOINTS_V = (0.0, 0.2, 0.4), (1.0, 3.0, 5.0)
 _LIMIT_V, _SETTLED_S, _CALLS = 10.0, 3.0, 5000
 # Bryson's rule: what each output and the input may be; then the noise of each output.
 _ALLOWED_V, _NOISE_V = (1.0, 3.0, 3.0, 3.0), (0.005, 0.05, 0.05, 0.02)
 _POSITION, _SPEED = 0, 3
+# Samples for which MPC holds each input of its horizon, and how much the force changes in one.
+_HOLDS, _FORCE_V = (1,) * 8 + (2,) * 4 + (4,) * 4 + (8,) * 4, 0.01
 
 
 class Peer(NamedTuple):
@@ -66,27 +73,27 @@ class PeerStep(NamedTuple):
     step_us: float
 
 
-class BookLqg:
-    """LQG of python-control with a static gain on the set-point."""
+class _Observer:
+    """Kalman filter of python-control with a gain on the state.
 
-    def __init__(self, model: control.StateSpace) -> None:
-        self.bandwidth_hz = 1.0
+    `driven` maps white noise of unit size to the state, (states, sources).
+    """
+
+    bandwidth_hz = 1.0
+
+    def __init__(self, model: control.StateSpace, driven: FloatArray, gain: FloatArray) -> None:
         A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
-        scaled = C / np.reshape(_ALLOWED_V, (-1, 1))
-        gain, *_ = control.dlqr(A, B, scaled.T @ scaled, np.diag([_LIMIT_V**-2.0]))
         noise = np.diag(np.square(_NOISE_V))
-        _, spread, _ = control.dlqe(A, B, C, np.eye(1), noise)
-        self._A, self._B, self._C, self._gain = A, B, C, np.asarray(gain)
+        _, spread, _ = control.dlqe(A, driven, C, np.eye(driven.shape[1]), noise)
+        self._A, self._B, self._C, self._gain = A, B, C, gain
         self._correction = np.linalg.solve(C @ spread @ C.T + noise, C @ spread).T
-        at_rest = np.linalg.solve(np.eye(len(A)) - A + B @ self._gain, B)
-        self._forward = 1.0 / float((C @ at_rest)[_POSITION, 0])
         corrected = np.eye(len(A)) - self._correction @ C
-        moves = A - B @ self._gain
+        moves = A - B @ gain
         self.controller = control.StateSpace(
             moves @ corrected,
             moves @ self._correction,
-            -self._gain @ corrected,
-            -self._gain @ self._correction,
+            -gain @ corrected,
+            -gain @ self._correction,
             model.dt,
         )
         self._x = np.zeros(len(A))
@@ -94,14 +101,98 @@ class BookLqg:
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
         now = self._x + self._correction @ (np.asarray(volts) - self._C @ self._x)
-        wanted = self._forward * reference_v - float((self._gain @ now)[0])
-        effort_v = float(np.clip(wanted, -_LIMIT_V, _LIMIT_V))
+        effort_v = float(np.clip(self._wanted(now, reference_v), -_LIMIT_V, _LIMIT_V))
         self._x = self._A @ now + self._B[:, 0] * effort_v
         return Effort(effort_v, 0.0)
 
     def reset(self) -> None:
         """Begin at rest."""
         self._x = np.zeros(len(self._A))
+
+    def _wanted(self, now: FloatArray, reference_v: float) -> float:
+        raise NotImplementedError
+
+
+class BookLqg(_Observer):
+    """LQG of python-control with a static gain on the set-point."""
+
+    def __init__(self, model: control.StateSpace) -> None:
+        gain, *_ = control.dlqr(model.A, model.B, _cost(model), [[_LIMIT_V**-2.0]])
+        super().__init__(model, model.B, np.asarray(gain))
+        rest, effort = _at_rest(model.A - model.B @ gain, model.B)
+        self._forward = effort / float((model.C @ rest)[_POSITION])
+
+    def _wanted(self, now: FloatArray, reference_v: float) -> float:
+        return self._forward * reference_v - float((self._gain @ now)[0])
+
+
+class Mpc(_Observer):
+    """MPC with a force at the input that is estimated: a quadratic program a sample, by OSQP.
+
+    It has the weights of `BookLqg`, and that one's cost beyond its horizon.
+    """
+
+    def __init__(self, model: control.StateSpace) -> None:
+        import osqp  # noqa: PLC0415 - optional
+
+        order, count, horizon = model.nstates, len(_HOLDS), sum(_HOLDS)
+        A, B, cost = np.asarray(model.A), np.asarray(model.B), _cost(model)
+        _, beyond, _ = control.dlqr(A, B, cost, [[_LIMIT_V**-2.0]])
+        powers = [np.eye(order)]
+        for _ in range(horizon):
+            powers.append(A @ powers[-1])
+        free = np.vstack(powers[1:])
+        answers = (free @ np.linalg.solve(A, B)).reshape(horizon, order)
+        forced = np.zeros((horizon, order, horizon))
+        for column in range(horizon):
+            forced[column:, :, column] = answers[: horizon - column]
+        forced = forced.reshape(-1, horizon) @ np.repeat(np.eye(count), _HOLDS, axis=0)
+        weight = block_diag(*[cost] * (horizon - 1), np.asarray(beyond))
+        hessian = forced.T @ weight @ forced + np.diag(_HOLDS) * _LIMIT_V**-2.0
+        self._linear = forced.T @ weight @ free
+        gain = np.linalg.solve(hessian, self._linear)[:1]
+        self._program = osqp.OSQP()
+        ends = np.full(len(_HOLDS), _LIMIT_V)
+        self._program.setup(
+            P=csc_matrix(np.triu(hessian)),
+            q=np.zeros(count),
+            A=csc_matrix(np.eye(count)),
+            l=-ends,
+            u=ends,
+            verbose=False,
+            eps_abs=1e-4,
+            eps_rel=1e-4,
+        )
+        rest, effort = _at_rest(A, B)
+        size = float((model.C @ rest)[_POSITION])
+        self._rest, self._effort = rest / size, effort / size
+        with_force = control.StateSpace(
+            np.block([[A, B], [np.zeros((1, order)), np.eye(1)]]),
+            np.vstack([B, [[0.0]]]),
+            np.hstack([model.C, np.zeros((len(model.C), 1))]),
+            0.0,
+            model.dt,
+        )
+        driven = block_diag(B, [[_FORCE_V]])
+        super().__init__(with_force, driven, np.append(gain, [[1.0]], axis=1))
+
+    def _wanted(self, now: FloatArray, reference_v: float) -> float:
+        rest_v = self._effort * reference_v - float(now[-1])
+        ends = np.full(len(_HOLDS), _LIMIT_V)
+        start = self._linear @ (now[:-1] - self._rest * reference_v)
+        self._program.update(q=start, l=-ends - rest_v, u=ends - rest_v)
+        return float(self._program.solve().x[0]) + rest_v
+
+
+def _cost(model: control.StateSpace) -> FloatArray:
+    scaled = np.asarray(model.C) / np.reshape(_ALLOWED_V, (-1, 1))
+    return np.asarray(scaled.T @ scaled)
+
+
+def _at_rest(A: FloatArray, B: FloatArray) -> tuple[FloatArray, float]:
+    """Return a state at rest, of any size, and the input that keeps it."""
+    found = np.linalg.svd(np.hstack([A - np.eye(len(A)), B]))[2][-1]
+    return found[:-1], float(found[-1])
 
 
 class _ServoLaw:
@@ -114,6 +205,11 @@ class _ServoLaw:
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
         return Effort(self._servo.step(volts, [reference_v])[0], 0.0)
+
+
+def has_osqp() -> bool:
+    """Return whether the solver of `Mpc` is installed."""
+    return find_spec("osqp") is not None
 
 
 def peers(payload_kg: float) -> dict[str, Peer]:
@@ -137,6 +233,9 @@ def peers(payload_kg: float) -> dict[str, Peer]:
         "pdpc": Peer(build_law("pdpc"), _packaged("pdpc", model)),
         "ilqr": Peer(build_law("ilqr"), _packaged("ilqr", model)),
     }
+    if has_osqp():
+        mpc = Mpc(model)
+        found["mpc"] = Peer(mpc, _margin_of(mpc, model))
     return {**found, "servo": Peer(_ServoLaw(Servo(design.gains)), float(held))}
 
 

@@ -53,6 +53,7 @@ _KP, _KD, _LEVEL_NM, _FADES_RAD = 3.0, 0.8, 0.352, 0.01
 _HELD = Vibration(1.4, 0.01)
 _SERVOS = {
     "servo of the hub": ("hub", ("hub", "strain", "speed")),
+    "servo of the tip: camera alone": ("tip", ("tip",)),
     "servo of the tip: camera": ("tip", ("hub", "speed", "tip")),
     "with strain": ("tip", ("hub", "strain", "speed", "tip")),
     "with acceleration": ("tip", ("hub", "strain", "speed", "tip", "acceleration")),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.control.drawn_arms import RATE_HZ, drawn_arm, record_arm
-from bench.control.peers import BookLqg
+from bench.control.peers import BookLqg, Mpc
 from flexarm_control import nominal_model
 from flexarm_ident.models.free_run import simulate
 
@@ -52,11 +52,19 @@ def test_record_arm___has_the_columns_of_its_signals(tmp_path: Path) -> None:
 
 
 def test_lqg_by_the_book___comes_to_the_set_point_of_its_model() -> None:
-    model = nominal_model(0.2)
-    law, x, y = BookLqg(model), np.zeros(model.nstates), np.zeros(4)
+    assert _rest(BookLqg) == pytest.approx(0.5, rel=1e-3)
 
+
+def test_mpc___comes_to_the_set_point_of_its_model() -> None:
+    pytest.importorskip("osqp", reason="the solver: requirements/mpc.in")
+    assert _rest(Mpc) == pytest.approx(0.5, rel=1e-3)
+
+
+def _rest(design: type[BookLqg | Mpc]) -> float:
+    """Return where the position of a model rests after a step by 0.5 V."""
+    model = nominal_model(0.2)
+    law, x, y = design(model), np.zeros(model.nstates), np.zeros(4)
     for _ in range(6000):
         y = np.asarray(model.C @ x)
         x = model.A @ x + model.B[:, 0] * law.step(y.tolist(), 0.5).effort_v
-
-    assert y[0] == pytest.approx(0.5, rel=1e-3)
+    return float(y[0])

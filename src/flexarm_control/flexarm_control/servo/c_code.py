@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.servo.controller import PLAN_ROWS, STANDS
+from flexarm_control.servo.controller import ARRAYS, PLAN_ROWS, STANDS
 from flexarm_core.outputs import MARK
 from flexarm_ident.models.c_header import c_string, number_lines
 
@@ -162,23 +162,6 @@ def c_controller(gains: ServoGains) -> str:
         "SHORT": int(gains.windows[1]),
         "PLAN_ROWS": PLAN_ROWS,
     }
-    arrays = {
-        "a": gains.A,
-        "b": gains.B,
-        "c": gains.C,
-        "feedback": gains.feedback,
-        "correction": gains.correction,
-        "deviation": gains.deviation,
-        "planning": gains.planning,
-        "forward": gains.forward,
-        "rest": gains.rest,
-        "slopes": gains.slopes,
-        "limits": gains.limits,
-        "levels": gains.levels,
-        "speed": gains.speed,
-        "headings": gains.headings,
-        "widths": gains.widths,
-    }
     lines = [
         f"/* {MARK}",
         f" * Servo at {gains.rate_hz:g} Hz: servo_reset, then servo_step for each sample.",
@@ -196,8 +179,9 @@ def c_controller(gains: ServoGains) -> str:
         lines.append(f"static const char *const servo_{name}[] = {{{strings}}};")
     places = ", ".join(str(gains.outputs.index(name)) for name in gains.tracked)
     lines.append(f"static const int servo_tracked_output[] = {{{places}}};")
-    for name, values in arrays.items():
+    for name in ARRAYS:
         # No number of C is infinite everywhere; nothing reaches this one.
-        finite = np.minimum(np.ravel(values), float(_BIG))
-        lines += [f"static const double servo_{name}[] = {{", *number_lines(finite.tolist()), "};"]
+        finite = np.minimum(np.ravel(getattr(gains, name)), float(_BIG))
+        head = f"static const double servo_{name.lower()}[] = {{"
+        lines += [head, *number_lines(finite.tolist()), "};"]
     return "\n".join([*lines, _STEP.rstrip(), "", "#endif", ""])

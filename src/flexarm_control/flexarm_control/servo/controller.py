@@ -107,6 +107,10 @@ class Law(NamedTuple):
     places: NDArray[np.int64]
 
 
+ARRAYS = Law._fields[:-1]
+"""Names of the gains among the fields of `Law`."""
+
+
 class Memory(NamedTuple):
     """What a servo knows from one sample to the next.
 
@@ -165,9 +169,7 @@ class Servo:
         self.tracked = list(gains.tracked)
         self.rate_hz = gains.rate_hz
         arrays = {
-            name: np.ascontiguousarray(getattr(gains, name), dtype=np.float64)
-            for name in Law._fields
-            if name != "places"
+            name: np.ascontiguousarray(getattr(gains, name), dtype=np.float64) for name in ARRAYS
         }
         places = np.array([self.outputs.index(name) for name in gains.tracked])
         memory = new_memory(Law(**arrays, places=places), gains.windows)
@@ -319,59 +321,39 @@ def _unpacked(
 ) -> tuple[Law, Memory]:
     """Return gains and memory as views of one array, in the order of their fields."""
     n, inputs, outputs, tracked, long, short = sizes
-    ends = np.cumsum(
-        np.array(
-            [
-                n * n,
-                n * inputs,
-                outputs * n,
-                inputs * n,
-                n * outputs,
-                n * n,
-                inputs * n,
-                3 * inputs * tracked,
-                n * tracked,
-                tracked,
-                inputs,
-                inputs,
-                inputs * n,
-                inputs * tracked,
-                inputs,
-                2 * n,
-                PLAN_ROWS * tracked,
-                long * tracked,
-                short * tracked,
-                inputs,
-            ]
-        )
-    )
-    law = Law(
-        packed[: ends[0]].reshape(n, n),
-        packed[ends[0] : ends[1]].reshape(n, inputs),
-        packed[ends[1] : ends[2]].reshape(outputs, n),
-        packed[ends[2] : ends[3]].reshape(inputs, n),
-        packed[ends[3] : ends[4]].reshape(n, outputs),
-        packed[ends[4] : ends[5]].reshape(n, n),
-        packed[ends[5] : ends[6]].reshape(inputs, n),
-        packed[ends[6] : ends[7]].reshape(3, inputs, tracked),
-        packed[ends[7] : ends[8]].reshape(n, tracked),
-        packed[ends[8] : ends[9]],
-        packed[ends[9] : ends[10]],
-        packed[ends[10] : ends[11]],
-        packed[ends[11] : ends[12]].reshape(inputs, n),
-        packed[ends[12] : ends[13]].reshape(inputs, tracked),
-        packed[ends[13] : ends[14]],
-        places,
-    )
-    memory = Memory(
-        packed[ends[14] : ends[15]].reshape(2, n),
-        packed[ends[15] : ends[16]].reshape(PLAN_ROWS, tracked),
-        packed[ends[16] : ends[17]].reshape(long, tracked),
-        packed[ends[17] : ends[18]].reshape(short, tracked),
-        progress,
-        packed[ends[18] : ends[19]],
-    )
+    A, end = _part(packed, 0, (n, n))
+    B, end = _part(packed, end, (n, inputs))
+    C, end = _part(packed, end, (outputs, n))
+    feedback, end = _part(packed, end, (inputs, n))
+    correction, end = _part(packed, end, (n, outputs))
+    deviation, end = _part(packed, end, (n, n))
+    planning, end = _part(packed, end, (inputs, n))
+    forward, end = _part(packed, end, (3, inputs, tracked))
+    rest, end = _part(packed, end, (n, tracked))
+    slopes, end = _part(packed, end, (tracked,))
+    limits, end = _part(packed, end, (inputs,))
+    levels, end = _part(packed, end, (inputs,))
+    speed, end = _part(packed, end, (inputs, n))
+    headings, end = _part(packed, end, (inputs, tracked))
+    widths, end = _part(packed, end, (inputs,))
+    gains = (A, B, C, feedback, correction, deviation, planning, forward, rest, slopes, limits)
+    law = Law(*gains, levels, speed, headings, widths, places)
+    state, end = _part(packed, end, (2, n))
+    plan, end = _part(packed, end, (PLAN_ROWS, tracked))
+    long_window, end = _part(packed, end, (long, tracked))
+    short_window, end = _part(packed, end, (short, tracked))
+    turns, _ = _part(packed, end, (inputs,))
+    memory = Memory(state, plan, long_window, short_window, progress, turns)
     return law, memory
+
+
+@compiled
+def _part(packed: FloatArray, start: int, shape: tuple[int, ...]) -> tuple[FloatArray, int]:
+    """Return the part of an array with a shape, and where it ends."""
+    size = 1
+    for side in shape:
+        size *= side
+    return packed[start : start + size].reshape(shape), start + size
 
 
 @compiled

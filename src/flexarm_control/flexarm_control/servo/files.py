@@ -93,18 +93,13 @@ def load_controller(path: Path | str) -> Servo:
     SettingError
         When the file cannot be read, or a field is missing or does not fit the others.
     """
-    return Servo(load_gains(path))
-
-
-def load_gains(path: Path | str) -> ServoGains:
-    """Read the gains of a controller; see `load_controller`."""
     try:
         content = read_text_bytes(Path(path))
     except OSError as error:
         raise SettingError(f"{path}: {reason(error)}: name a controller.yaml") from error
     except BoundError as error:
         raise SettingError(f"{path}: {error}") from error
-    return gains_in(content, path)
+    return Servo(gains_in(content, path))
 
 
 def gains_in(content: bytes, path: Path | str) -> ServoGains:

@@ -16,6 +16,7 @@ import scipy
 
 from flexarm_control.servo.regulator import FILTERS, design_regulator, loop_radius
 from flexarm_core.errors import SettingError
+from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.state_space import state_space, with_matrices
 
 if TYPE_CHECKING:
@@ -195,9 +196,8 @@ def sensitivities(
     found: Regulator, plant: control.StateSpace, frequency_hz: FloatArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return the sensitivities at inputs and outputs, (frequencies, signals, signals)."""
-    law = found.controller
-    z = np.exp(2j * np.pi * frequency_hz * plant.dt)
-    P, K = _response(plant, z), -_response(law, z)
+    P = frequency_response(plant, frequency_hz)
+    K = -frequency_response(found.controller, frequency_hz)
     inner = np.linalg.inv(np.eye(plant.ninputs) + K @ P)
     outer = np.eye(plant.noutputs) - P @ inner @ K
     return np.asarray(inner, dtype=complex), np.asarray(outer, dtype=complex)
@@ -463,13 +463,6 @@ def _vibrating(values: ComplexArray, slowest: float) -> list[complex]:
         if value.imag > 0.0 and -speed.real < VIBRATES * abs(speed) and abs(speed) >= slowest:
             found.append(value)
     return found
-
-
-def _response(model: control.StateSpace, z: ComplexArray) -> ComplexArray:
-    """Return C (zI - A)^-1 B + D, (frequencies, outputs, inputs)."""
-    resolvent = z[:, None, None] * np.eye(model.nstates) - model.A
-    solved = np.linalg.solve(resolvent, np.asarray(model.B, dtype=complex))
-    return np.asarray(model.C @ solved + model.D)
 
 
 def _mu(matrices: ComplexArray) -> FloatArray:
