@@ -44,6 +44,17 @@ _PAIR = re.compile(
     r"([+-]?[0-9.]+(?:,[0-9]+)?(?:[eE][+-]?[0-9]+)?|nan)"
 )
 _ARROW = " -> "
+# Instants before the words and numbers of a line: times of the day behind dates, seconds in square
+# brackets as kernels and robots have them, and milliseconds in round ones behind a letter.
+_STAMP = (
+    r"((?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4},?[T ])?\d{1,2}:\d{2}:\d{2}(?:[.,]\d{1,9})?"
+    r"|(?<=\[)[ ]*\d+\.\d+(?=\])|(?<=[EWID][ ]\()\d+(?=\)))"
+)
+_STAMPED = re.compile(_STAMP)
+_BEFORE_ROW = re.compile(
+    rf"(?:[^\d,;\t]*|[^\d,;\t]*[A-Za-z]{{3}} +\d{{1,2}} ){_STAMP}\S*(?: \d{{4}}\])? +"
+    r"(?:(?![+-]?\.?\d)[^\s,]+ +)*(?!(?:19|20)\d\d[,;\t])(?=[+-]?\.?\d+[.,;\t](?!\d*[-:]))"
+)
 _BRACKETED = re.compile(r"\s*[\[(]+([^\[\]()]*)[\])]+,?\s*")
 _UNIT = re.compile(
     r"[\[(].*[\])]||-|1|%|\u00b0[CF]?|[num\u00b5\u03bck]?(V|A|N|g|K|Pa|bar|m|Hz|W)|N ?m|cm|counts?|"
@@ -53,6 +64,7 @@ _UNIT = re.compile(
 )
 _NAME_AND_UNIT = re.compile(r"\S+(?: +[\[(][^\])]*[\])])?")
 _TIME_NAME = re.compile(r"[\W_]*(t|time|time ?stamp|zeit|x_value)([\W_].*)?", re.IGNORECASE)
+_TIME = "time"
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),
@@ -120,7 +132,7 @@ class Layout:
             for number, line in enumerate(lines, first):
                 yield number, _split(line, self.separator, self.names)
             return
-        plain = (line.replace(_ARROW, self.separator, 1) for line in lines)
+        plain = (_in_cells(line, self.separator) for line in lines)
         reader = csv.reader(plain, delimiter=self.separator, skipinitialspace=True)
         for row in reader:
             yield first + reader.line_num - 1, row
@@ -267,16 +279,37 @@ def _encoding(path: Path) -> str:
 def _split(line: str, separator: str, names: Sequence[str] = ()) -> list[str]:
     if separator == "=":
         pairs = dict(_PAIR.findall(line))
+        if tuple(names[:1]) == (_TIME,):
+            pairs.setdefault(_TIME, _stamp(line))
         return [pairs.get(name, "") for name in names] if pairs else [line.strip()]
     if separator == " ":
         text = line.replace(_ARROW, " ")
         if '"' not in text:
             return text.split()
         return next(csv.reader([text.strip()], delimiter=" ", skipinitialspace=True), [])
-    text = line.replace(_ARROW, separator, 1)
+    text = _in_cells(line, separator)
     if separator not in text:
         return [text.strip()] if text else []
     return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
+
+
+def _in_cells(line: str, separator: str) -> str:
+    """Return a line whose instant before the numbers has a cell of its own."""
+    if separator != "|" and (stamped := _BEFORE_ROW.match(line)):
+        return f"{_instant(stamped[1])}{separator}{line[stamped.end() :]}"
+    return line.replace(_ARROW, separator, 1)
+
+
+def _stamp(line: str) -> str:
+    """Return the instant before the first value that a line names; empty without one."""
+    stamped, first = _STAMPED.search(line), _PAIR.search(line)
+    return _instant(stamped[1]) if stamped and first and stamped.end() <= first.start() else ""
+
+
+def _instant(stamp: str) -> str:
+    if stamp.isdigit():
+        return f"{1e-3 * int(stamp):.3f}"
+    return stamp.strip().replace(", ", " ").replace(",", ".")
 
 
 def _layout(head: Sequence[str], encoding: str) -> Layout:
@@ -301,11 +334,14 @@ def _layout(head: Sequence[str], encoding: str) -> Layout:
         names, first = [cell.strip() for cell in cells], first + 1
         cells = _split(head[first], separator) if first < len(head) else []
     is_named = bool(names)
+    is_stamped = separator != " " and _BEFORE_ROW.match(head[first]) is not None
     if not names:
         names = [f"column_{k + 1}" for k in range(width)]
         # As `ros2 topic echo --csv` writes messages with a header.
         if width > 2 and re.fullmatch(r"\d{9,10}", cells[0]) and re.fullmatch(r"\d{1,9}", cells[1]):  # noqa: PLR2004
             names[:2] = ["sec", "nanosec"]
+    if is_stamped and (not is_named or not names[0]):
+        names[0] = _TIME
     return Layout(
         encoding,
         separator,
@@ -325,6 +361,8 @@ def _keyed(head: Sequence[str], encoding: str) -> Layout | None:
     if len(usual) < 2 or 2 * times < len(head):  # noqa: PLR2004 - an input and an output
         return None
     first = found.index(list(usual))
+    if _stamp(head[first]) and not any(map(_TIME_NAME.fullmatch, usual)):
+        usual = (_TIME, *usual)
     cells = _split(head[first], "=", usual)
     return Layout(
         encoding, "=", tuple(_once(usual)), (), first + 1, tuple(cells), len(usual), is_named=True

@@ -40,11 +40,11 @@ def without_dropouts(record: IoData) -> IoData:
         record,
         y=np.where(missing, np.nan, record.y),
         missing=missing,
-        notices=(*record.notices, *_told(record, dropped)),
+        notices=(*record.notices, *_notices(record, dropped)),
     )
 
 
-def _told(record: IoData, dropped: BoolArray) -> Iterator[DataWarning]:
+def _notices(record: IoData, dropped: BoolArray) -> Iterator[DataWarning]:
     for name, rows in zip(record.outputs, dropped.T, strict=True):
         if rows.any():
             count, places = int(rows.sum()), len(runs(rows))

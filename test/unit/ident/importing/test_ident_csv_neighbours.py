@@ -45,7 +45,25 @@ def notes(record: IoData) -> str:
     return "\n".join(each.text for each in record.notices)
 
 
+def log(before: Callable[[int], str], head: str = "", names: tuple[str, str] = ("", "")) -> str:
+    """Return a log with words before each row."""
+    u, y = names
+    return head + "".join(f"{before(k)}{u}{U[k]:.3f}, {y}{Y[k]:.3f}\n" for k in range(ROWS))
+
+
+def clock(k: int, mark: str = ".") -> str:
+    return f"13:05:{k // 200:02d}{mark}{k % 200 * 5:03d}"
+
+
+NAMED = ("u: ", "y: ")
 FORMS = {
+    "clock in brackets": log(lambda k: f"[{clock(k)}] ", names=NAMED),
+    "clock and level": log(lambda k: f"27/11/2026, {clock(k, ',')} [INFO] arm - ", names=NAMED),
+    "clock of a system log": log(lambda k: f"Nov 27 {clock(k)} host arm[12]: ", names=("u=", "y=")),
+    "seconds in brackets": log(lambda k: f"[{312 + k / RATE_HZ:11.6f}] arm: ", names=NAMED),
+    "milliseconds behind a level": log(lambda k: f"I ({312 + 5 * k}) arm: ", names=NAMED),
+    "clock before cells": log(lambda k: f"[{clock(k)}] ", "u,y\n"),
+    "clock and words before cells": log(lambda k: f"2026-11-27 {clock(k, ',')} RX: ", "u,y\n"),
     "units": text(lambda k: f"{5 * k} ms", lambda k: f"{U[k]:.3f} V", lambda k: f"{Y[k]:.3f}mm"),
     "apostrophes": text(u=lambda k: f"'{U[k]:.3f}", y=lambda k: f"'{Y[k]:.3f}"),
     "accounting": text(u=lambda k: f"({-U[k]:.3f})" if U[k] < 0.0 else f"{U[k]:.3f}"),
