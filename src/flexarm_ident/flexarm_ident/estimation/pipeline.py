@@ -283,7 +283,7 @@ def _linear_model(
         )
     elif not stable and not is_stable(model.A):
         notes.append(f"the model of order {order} is unstable")
-    if way == "integrator":
+    if way in {"integrator", "drag"}:
         notes.append(INTEGRATES)
     return Identification(
         model=model,

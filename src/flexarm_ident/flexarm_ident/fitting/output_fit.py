@@ -126,7 +126,7 @@ def fit_each(
     noise_weighted: bool,
     at_rest: bool,
 ) -> list[OutputFit]:
-    """Fit the inputs as `fit_inputs` does, for state matrices with the same eigenvectors.
+    """Fit the inputs as `fit_inputs` does, for several state matrices.
 
     The records are read once for all of them.
 
@@ -230,7 +230,7 @@ def _problems(
                 f"{longest} samples: take a shorter part of the record, or have "
                 "unstable eigenvalues moved"
             )
-    if is_defective(spectra[0].vectors):
+    if any(is_defective(each.vectors) for each in spectra):
         return [
             SchurProblem(SchurRegression(each.A, C, inputs, feedthrough=feedthrough), records)
             for each in spectra

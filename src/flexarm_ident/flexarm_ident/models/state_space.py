@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 STABLE_RADIUS = 0.9999
 """Magnitude that the thesis gives an unstable eigenvalue (section 3.2, third example)."""
-Way = Literal["mirror", "clamp", "integrator"]
+Way = Literal["mirror", "clamp", "integrator", "drag"]
 """Way to move an unstable eigenvalue."""
-WAYS: tuple[Way, ...] = ("mirror", "clamp", "integrator")
+WAYS: tuple[Way, ...] = ("mirror", "clamp", "integrator", "drag")
 """All of them."""
 INTEGRATOR_RADIUS = 1.0 - 1e-8
 """Magnitude of an integrator: 100 million samples, and clear of the rounding of eigenvalues."""
@@ -31,6 +31,7 @@ INTEGRATOR_RADIUS = 1.0 - 1e-8
 NEAR_ONE = 2.0 / 3000.0
 # Part by which eigenvalues that come to the same place are kept from each other.
 _APART = 1e-6
+_PAIR = 2
 _SAME_PLACE = 1e-9
 
 
@@ -98,20 +99,23 @@ def stabilise(A: FloatArray, way: Way = "mirror") -> tuple[FloatArray, int]:
     """Move the eigenvalues on or outside the unit circle inside, keeping the other modes.
 
     The frequencies stay. Real eigenvalues that would come to the same place are kept a millionth
-    from each other, since equal ones have no modes of their own. There are three ways:
+    from each other, since equal ones have no modes of their own. There are four ways:
 
     - ``mirror``: the magnitude r becomes 1/r, which turns growth into decay of the same rate, and
       0.9999 at most;
     - ``clamp``: the magnitude becomes 0.9999, as the thesis does with 1.0000235;
     - ``integrator``: as ``clamp``, but an eigenvalue less than 2/3000 from 1, on either side of the
       circle, is an integrator and becomes 1 - 1e-8. 0.9999 is a time constant of 10,000 samples,
-      which a free hub does not have.
+      which a free hub does not have;
+    - ``drag``: as ``integrator``, but of two eigenvalues near 1 only one integrates, and the other
+      keeps their sum: a free hub with viscous friction. A record tells the sum well, and how far
+      apart they are badly, so that an estimate is often a complex pair.
 
     Parameters
     ----------
     A : ndarray, (states, states)
         State matrix.
-    way : {"mirror", "clamp", "integrator"}
+    way : {"mirror", "clamp", "integrator", "drag"}
         Way to move them.
 
     Returns
@@ -153,13 +157,15 @@ def spectrum(A: FloatArray) -> Spectrum:
 
 
 def moved(start: Spectrum, way: Way) -> Spectrum:
-    """Return a state matrix with moved eigenvalues and the same eigenvectors.
+    """Return a state matrix with moved eigenvalues.
+
+    The eigenvectors stay, but for those of a complex pair that becomes two real ones.
 
     Parameters
     ----------
     start : Spectrum
         State matrix as estimated.
-    way : {"mirror", "clamp", "integrator"}
+    way : {"mirror", "clamp", "integrator", "drag"}
         Way to move them, see `stabilise`.
 
     Returns
@@ -167,10 +173,13 @@ def moved(start: Spectrum, way: Way) -> Spectrum:
     Spectrum
         The stable matrix; `start` itself when there is nothing to move.
     """
+    unstable = int(np.sum(np.abs(start.eigenvalues) >= 1.0))
     eigenvalues, vectors = start.eigenvalues, start.vectors
+    near = (np.abs(eigenvalues - 1.0) < NEAR_ONE) & (way in {"integrator", "drag"})
+    if way == "drag":
+        eigenvalues, vectors, near = _with_drag(start, near)
     radius = np.abs(eigenvalues)
     outside = radius >= 1.0
-    near = (np.abs(eigenvalues - 1.0) < NEAR_ONE) & (way == "integrator")
     if not (outside | near).any():
         return start
     inner = np.full_like(radius, STABLE_RADIUS)
@@ -186,7 +195,46 @@ def moved(start: Spectrum, way: Way) -> Spectrum:
     if largest >= 1.0:
         # Eigenvectors so close to each other do not allow moving one eigenvalue alone.
         stable, inside = stable * (STABLE_RADIUS / largest), inside * (STABLE_RADIUS / largest)
-    return Spectrum(np.asarray(stable), inside, vectors, int(outside.sum()))
+    return Spectrum(np.asarray(stable), inside, vectors, unstable)
+
+
+def _with_drag(
+    start: Spectrum, near: NDArray[np.bool_]
+) -> tuple[ComplexArray, ComplexArray, NDArray[np.bool_]]:
+    """Return eigenvalues and vectors where one of two near 1 keeps their sum, and the integrators.
+
+    A pair stays when that sum leaves no drag.
+    """
+    eigenvalues, vectors, near = start.eigenvalues.copy(), start.vectors.copy(), near.copy()
+    real = np.flatnonzero(near & (eigenvalues.imag == 0.0))
+    pairs = [(i, i + 1) for i in np.flatnonzero(near & (eigenvalues.imag > 0.0))]
+    if len(real) == _PAIR:
+        pairs.append(tuple(real[np.argsort(-eigenvalues[real].real)]))
+    for first, second in pairs:
+        drag = eigenvalues[first].real + eigenvalues[second].real - INTEGRATOR_RADIUS
+        if drag >= INTEGRATOR_RADIUS:
+            continue
+        if eigenvalues[first].imag > 0.0:
+            vectors[:, [first, second]] = _real_vectors(
+                vectors[:, first], eigenvalues[first].imag, 0.5 * (INTEGRATOR_RADIUS - drag)
+            )
+        eigenvalues[first], eigenvalues[second] = INTEGRATOR_RADIUS, drag
+        near[second] = False
+    return eigenvalues, vectors, near
+
+
+def _real_vectors(vector: ComplexArray, imaginary: float, apart: float) -> FloatArray:
+    """Return eigenvectors, (states, 2), for a pair that becomes two real eigenvalues.
+
+    In the principal axes of the pair's plane its part of A has two elements off the diagonal. The
+    smaller one changes, so that the eigenvalues are `apart` from their mean, on either side.
+    """
+    turned = vector * np.exp(-0.5j * np.angle(vector @ vector))
+    longer, shorter = np.linalg.norm(turned.real), np.linalg.norm(turned.imag)
+    slope = imaginary * longer / shorter / apart
+    along, across = slope * turned.real / longer, turned.imag / shorter
+    found = np.stack([along + across, across - along], axis=1)
+    return np.asarray(found / np.linalg.norm(found, axis=0))
 
 
 def _kept_apart(moved: ComplexArray, real: NDArray[np.intp], radius: FloatArray) -> ComplexArray:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+import scipy
 
 from flexarm_ident import IoData
 from flexarm_ident.fitting.output_fit import fit_each, fit_inputs
@@ -42,6 +43,39 @@ def test_fit_stable___slow_state___goes_where_the_record_says(
     assert (found.way, found.unstable) == (way, 1)
     assert found.A[0, 0] == pytest.approx(radius, abs=1e-12)
     assert found.fit.error.max() < 0.05
+
+
+def test_fit_stable___slow_pair_of_a_hub_with_drag___is_integrator_and_drag() -> None:
+    # Position and speed, of which an estimate sees a weak spring that is not there.
+    drag, step, spring = 0.9997, 0.01, 1.2e-5
+    A = scipy.linalg.block_diag([[1.0, step], [0.0, drag]], 0.9)
+    C, data = record(A, samples=6000)
+    estimate = A.copy()
+    estimate[1, 0] = -spring
+    assert np.iscomplex(np.linalg.eigvals(estimate)).sum() == 2
+
+    found = fit_stable(estimate, C, [data], WAYS, feedthrough=False, noise_weighted=False)
+
+    assert (found.way, found.unstable) == ("drag", 0)
+    slow = np.sort(np.linalg.eigvals(found.A).real)[1:]
+    np.testing.assert_allclose(slow, [drag, 1.0], rtol=0.0, atol=1e-7)
+    others = fit_stable(estimate, C, [data], WAYS[:3], feedthrough=False, noise_weighted=False)
+    assert found.fit.error.max() < 0.25 * others.fit.error.max()
+
+
+def test_moved___two_real_eigenvalues_near_1___keep_their_sum() -> None:
+    found = moved(spectrum(np.diag([0.99988, 0.5, 0.99981])), "drag")
+
+    values = np.sort(np.linalg.eigvals(found.A).real)
+    np.testing.assert_allclose(values, [0.5, 0.99969, 1.0], rtol=0.0, atol=3e-8)
+
+
+def test_moved___sum_that_leaves_no_drag___is_moved_as_an_integrator() -> None:
+    pair = np.array([[1.0001, 0.0003], [-0.0003, 1.0001]])
+
+    np.testing.assert_allclose(
+        moved(spectrum(pair), "drag").A, moved(spectrum(pair), "integrator").A, rtol=0.0, atol=1e-12
+    )
 
 
 def test_fit_stable___stable_matrix_or_no_way___stays() -> None:
