@@ -182,7 +182,7 @@ def test_record_of_another_arm___by_clicks___is_identified_in_its_own_units(
 ) -> None:
     opened(browser, two_joints)
     browser.click("#record")
-    browser.wait_for("document.getElementById('record').textContent === 'End the record'")
+    browser.wait_for("document.getElementById('record').textContent === 'Stop recording'")
     browser.click("#record")
     browser.click("#identify")
     browser.wait_for("document.querySelector('#fits svg') !== null")

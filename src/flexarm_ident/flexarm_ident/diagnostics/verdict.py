@@ -101,9 +101,7 @@ class Verdict:
         """Share of the residual power that is coherent with the inputs; empty when not known."""
         if not np.isfinite(self.missed):
             return ""
-        meaning = (
-            "could be removed by a better linear model" if self.avoidable else "unmodelled dynamics"
-        )
+        meaning = "most of it can be modelled" if self.avoidable else "unmodelled dynamics"
         share = f"{100.0 * self.missed:.0f} % of the residual power"
         return f"{share} is coherent with the input ({meaning})"
 

@@ -162,7 +162,7 @@ export class Chain {
     this.#recording = recording;
     const button = byId("record");
     button.setAttribute("aria-pressed", `${recording !== null}`);
-    write(button, recording === null ? "Record" : "End the record");
+    write(button, recording === null ? "Record" : "Stop recording");
     if (recording === null) this.refreshBags();
     else write(byId("recording"), `Recording ${recording}`);
   }

@@ -137,7 +137,7 @@ export class Link extends EventTarget {
     for (const [number, { verb, reject }] of this.#jobs) {
       if (atWork.includes(number)) continue;
       this.#jobs.delete(number);
-      reject(new Error(`${verb}: it has ended while the connection was broken; its records and models are there`));
+      reject(new Error(`${verb}: the job ended while the page was disconnected; its records and models are there`));
     }
   }
 

@@ -253,7 +253,7 @@ export class StepStage {
     const columns = [this.#former, this.#latest].map((step) => (step === null ? {} : worded(step)));
     fillTable(
       byId("step_figures"),
-      ["Control law", "Gains", "Overshoot", "Settling time (5 %)", "Error at the end", "Swing at the end"].map((name) => [name, ...columns.map((column) => column[name] ?? "–")]),
+      ["Control law", "Gains", "Overshoot", "Settling time (5 %)", "Steady-state error", "Residual vibration"].map((name) => [name, ...columns.map((column) => column[name] ?? "–")]),
     );
   }
 }
@@ -266,7 +266,7 @@ function worded(step) {
     Gains: step.gains,
     Overshoot: `${figure(100 * overshoot, 1)} %`,
     "Settling time (5 %)": settledS === null ? "not yet" : `${figure(settledS, 2)} s`,
-    "Error at the end": `${figure(error, 3)} ${unit}`,
-    "Swing at the end": `${figure(swing, 3)} ${swingUnit} rms`,
+    "Steady-state error": `${figure(error, 3)} ${unit}`,
+    "Residual vibration": `${figure(swing, 3)} ${swingUnit} rms`,
   };
 }

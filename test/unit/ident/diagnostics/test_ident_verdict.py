@@ -66,7 +66,7 @@ def test_verdict___model_worse_than_the_mean___is_not_usable_in_its_first_words(
     assert text.startswith("not usable, worse than the mean: fit -38.5 % (NRMSE, simulation, ")
     # The error is (1.97 + 0.8) / 2.
     assert "cross-validated; lowest -97.0 %, position); 90 % of the residual power is" in text
-    assert "(could be removed by a better linear model). Next: try another method" in text
+    assert "(most of it can be modelled). Next: try another method" in text
 
 
 def test_verdict___unknown_share___is_not_reported() -> None:

@@ -324,7 +324,7 @@ def test_frequency_plot___curves_of_both_panels___have_one_legend() -> None:
         frequencies_hz=frequency_grid(arm_model(), 0.1),
         deviation=np.ones(len(frequency_grid(arm_model(), 0.1))),
     )
-    assert legends(found) == {"": ["full", "reduced"], "gain, dB (V/V)": ["two deviations"]}
+    assert legends(found) == {"": ["full", "reduced"], "gain, dB (V/V)": ["±2 standard deviations"]}
 
 
 def match(y: FloatArray, simulated: FloatArray, name: str = "position_v") -> Match:

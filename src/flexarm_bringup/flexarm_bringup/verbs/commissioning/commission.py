@@ -33,14 +33,14 @@ if TYPE_CHECKING:
     type=click.Path(file_okay=False, path_type=Path),
     default=Path("out/commission"),
     show_default=True,
-    help="Folder of the records, models and the controller; one that was begun is gone on with.",
+    help="Folder of the records, models and the controller; one that was interrupted is resumed.",
 )
 @click.option(
     "--goal",
     type=FiniteRange(1e-4, 1.0),
     default=0.05,
     show_default=True,
-    help="Standard deviation of modes and gains at which the excitation ends, as a part of them.",
+    help="Relative standard deviation of modes and gains at which the excitation ends.",
 )
 @click.option("--dry-run", is_flag=True, help="Print stages, limits and times, and drive nothing.")
 @paced

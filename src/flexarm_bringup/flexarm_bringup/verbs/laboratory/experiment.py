@@ -53,7 +53,7 @@ _run_options = together(
     "payload_kg",
     type=Quantity(MASS_KG, 0.0, 1.0),
     metavar="MASS",
-    help="Instead of its own, kg, or with its unit: 200g.",
+    help="Tip mass instead of the experiment's own, kg, or with its unit: 200g.",
 )
 @_run_options
 @examples(

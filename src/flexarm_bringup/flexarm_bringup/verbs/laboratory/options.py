@@ -69,7 +69,7 @@ FAST = click.option("--fast", is_flag=True, help="As fast as the machine can; th
 REAL_TIME = click.option(
     "--real-time",
     is_flag=True,
-    help="Hard real time, as with a board: what a busy machine is late for is lost.",
+    help="In real time, as with a board: samples that a busy machine misses are lost.",
 )
 
 

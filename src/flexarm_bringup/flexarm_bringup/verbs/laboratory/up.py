@@ -153,11 +153,11 @@ def up(
     The simulated arm's time follows the wall clock and waits for a machine that is late. A board
     runs in real time.
 
-    A simulated arm shares its process with the controller, which holds more samples on a busy
+    A simulated arm shares its process with the controller, which loses fewer samples on a busy
     machine. A board does not: a controller that ends leaves the arm to itself, with the drive at
     zero, and another one may be started in its place. A deactivated controller leaves its place in
-    one process as well. The arm goes on without any other node that ends, and the exit code is 1
-    then. The end of the DAQ node is that of all, and so is a failure of its loop.
+    one process as well. When any other node ends, the arm goes on, and the exit code is 1. The end
+    of the DAQ node is that of all, and so is a failure of its loop.
     """
     if twin is not None:
         if rig != USUAL_RIG:

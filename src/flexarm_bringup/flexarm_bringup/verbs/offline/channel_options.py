@@ -43,7 +43,7 @@ channel_options = together(
     click.option(
         "--clock",
         type=click.Choice(CLOCKS),
-        help="Instants of other messages; else headers where every topic has them.",
+        help="Time stamps of other messages; else headers where every topic has them.",
     ),
     click.option(
         "--held/--interpolated",
@@ -57,20 +57,20 @@ channel_options = together(
         type=Quantity(TIME_S, 0.0),
         default=0.0,
         metavar="TIME",
-        help="Leave out what is before, s from the start of each record.",
+        help="Start of the part to use, s from the start of each record.",
     ),
     click.option(
         "--to",
         "to_s",
         type=Quantity(TIME_S, 0.0),
         metavar="TIME",
-        help="Leave out what is from there on; else to the end.",
+        help="End of the part to use; the record's end by default.",
     ),
     click.option(
         "--wrap",
         type=click.FloatRange(min=0.0),
         metavar="PERIOD",
-        help="Step of an output that is a turn of its encoder, such as 4000; 0: none. Else found.",
+        help="Counts per turn at which an output wraps, such as 4000; 0: none. Found by default.",
     ),
 )
 """Options of a verb, which takes them by `taken_channels` and `taken_span`."""

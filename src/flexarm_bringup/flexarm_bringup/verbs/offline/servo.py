@@ -44,9 +44,7 @@ class _Bandwidth(Quantity):
 
 servo_options = together(
     channel_options,
-    click.option(
-        "--track", multiple=True, metavar="OUTPUT", help="Output with a set-point; repeat."
-    ),
+    click.option("--track", multiple=True, metavar="OUTPUT", help="Tracked output; repeat."),
     click.option(
         "--limit",
         "limits",

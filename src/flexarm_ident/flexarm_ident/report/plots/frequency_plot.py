@@ -102,7 +102,7 @@ def _band(response: ComplexArray, deviation: FloatArray, frequencies_hz: FloatAr
     gain = np.abs(response)
     floor = _decibels(gain).min() - _BAND_DEPTH_DB
     low, high = np.maximum(_decibels(gain + np.outer([-2.0, 2.0], deviation)), floor)
-    return marks.between(frequencies_hz, low, high, marks.BAND, "two deviations")
+    return marks.between(frequencies_hz, low, high, marks.BAND, "±2 standard deviations")
 
 
 def _measured(

@@ -52,7 +52,7 @@ def _fitted(outcome: Outcome, friction: DryFriction) -> Table:
         (friction.offsets, friction.offset_deviations),
     ]
     if (more := friction.dependence) is not None:
-        head += ["Rise at standstill", "Part of load"]
+        head += ["Rise at standstill", "Load coefficient"]
         columns += [(more.rises, more.rise_deviations), (more.loads, more.load_deviations)]
     texts = [
         [with_deviation(*each) for each in zip(value, deviation, strict=True)]

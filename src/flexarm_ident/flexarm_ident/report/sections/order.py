@@ -107,7 +107,7 @@ def _weighed(found: Identification) -> Iterator[Block]:
     for row in sorted(rows, key=attrgetter("order")):
         if math.isfinite(row.score):
             curves.setdefault(row.method, []).append((row.order, row.score))
-    yield Heading("Models that were weighed")
+    yield Heading("Candidate models")
     made = (found.method, found.order) == (taken.method, taken.order)
     refined = "" if made else f", and refined to order {found.order} ({found.title})"
     percent, in_feedback = (
@@ -137,7 +137,7 @@ def _weighed(found: Identification) -> Iterator[Block]:
     )
     header = ("Method", "Order", "Error", "Error, left-out blocks", "Score")
     marked = tuple(row.chosen for row in rows)
-    yield Table("weighed", "Models that were weighed, the best score first", header, cells, marked)
+    yield Table("weighed", "Candidate models, the best score first", header, cells, marked)
 
 
 def pair_words(judged: Sequence[JudgedMode]) -> list[str]:

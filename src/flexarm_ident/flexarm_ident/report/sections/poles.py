@@ -53,9 +53,9 @@ def _build(subject: Subject) -> Iterator[Block]:
     )
     yield Plots(tuple(islice(_pole_zero_maps(outcome), _CHANNELS)))
     yield Words(
-        "These are poles and zeros of the model from one input to one output. A zero beside a pole "
-        "hides that motion from the output. A zero outside the unit circle, beside those near -1 "
-        "that sampling brings, limits the bandwidth of a controller of that output "
+        "These are poles and zeros of the model from one input to one output. A zero near a pole "
+        "nearly cancels it in that output. A zero outside the unit circle, apart from the sampling "
+        "zeros near -1, limits the bandwidth of a controller of that output "
         "(non-minimum phase)."
     )
 

@@ -105,7 +105,7 @@ def _name(ranking: str | None, update: str) -> str:
 def _table(outcome: Outcome, steps: Sequence[StepCost]) -> Table:
     outputs = [label_and_unit(name)[0] for name in outcome.records[0].outputs]
     following = any(step.sfv is not None for step in steps)
-    header = ("Model", "States", *outputs, "Mean δ", "Of full")
+    header = ("Model", "States", *outputs, "Mean δ", "Ratio to full")
     rows = tuple(
         (
             _name(step.ranking, step.update),
@@ -132,7 +132,7 @@ def _words(outcome: Outcome, steps: Sequence[StepCost]) -> tuple[str, ...]:
     asked, update = outcome.request.reduction, outcome.request.update
     cut = by_name[asked, "none"]
     if cut.order == full.order:
-        return ("With fewer states the fit gets worse by more than it may: all are kept.",)
+        return ("Fewer states would cost more than the allowed loss of fit: all are kept.",)
     line = (
         f"Keeping {cut.order} of {full.order} states by {asked.upper()} takes the mean error from "
         f"{error_text(full.mean)} to {error_text(cut.mean)}"

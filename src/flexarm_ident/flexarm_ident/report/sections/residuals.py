@@ -22,7 +22,7 @@ _LOOKS = (marks.SOLID, marks.DASHED, marks.DOTTED)
 RESIDUAL_INPUTS = len(_LOOKS)
 """Inputs that a plot shows."""
 _SIZE = "height:6.5rem"
-_CHANCE = "by chance (99 %)"
+_CHANCE = "99 % confidence"
 
 
 def _build(subject: Subject) -> Iterator[Block]:
@@ -67,7 +67,7 @@ def _shares(outcome: Outcome) -> Table:
         )
         for output, name in enumerate(outcome.records[0].outputs)
     )
-    header = ("Output", "Not white", "With inputs", "Coherent output")
+    header = ("Output", "Autocorrelation", "Cross-correlation", "Coherent output")
     about = f"Lags of {LAGS} outside the bounds, and power of the output coherent with the inputs"
     return Table("residuals", about, header, rows)
 
