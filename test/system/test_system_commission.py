@@ -6,13 +6,15 @@ import json
 import signal
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
 
 from flexarm_control import load_controller
 from flexarm_control.twin import twin_description
+from flexarm_core.rig_description import load_rig
 from flexarm_ident import read_bag
 from flexarm_ident.models.files import save_model
+from support.kept_limits import passed_limits
+from support.looking_on import looked_on
 from support.servo_plants import bending_arm
 from support.system_graph import ROOT
 
@@ -40,10 +42,16 @@ def rig_of(folder: Path) -> Path:
     return file
 
 
-def commission(graph: Graph, rig: Path, out: Path) -> Process:
+def commission(graph: Graph, rig: Path, out: Path, *more: str) -> Process:
     """Start a commissioning in virtual time."""
     command = [str(ROOT / "flexarm"), "commission", "--rig", str(rig), "--fast", "-o", str(out)]
-    return graph.run(command)
+    return graph.run([*command, *more])
+
+
+def made(out: Path) -> dict[str, int]:
+    """Return when each record was made."""
+    whole = (out / "bags").glob("*/metadata.yaml")
+    return {file.parent.name: file.stat().st_mtime_ns for file in whole}
 
 
 def test_commission___killed___goes_on_to_a_controller(graph: Graph, tmp_path: Path) -> None:
@@ -56,14 +64,20 @@ def test_commission___killed___goes_on_to_a_controller(graph: Graph, tmp_path: P
     assert (out / "bags" / "pulses_joint_1").is_dir()
     assert not (out / "bags" / "friction").exists()
 
-    process = commission(graph, rig, out)
+    measured = made(out)
+    process = commission(graph, rig, out, "--live")
+    process.wait_for("http://")
+    (address,) = (line for line in process.printed.splitlines() if line.startswith("http"))
+    hello, shown, _ = looked_on(address)
+    assert hello["hand"] is False
+    told = {reason for _, reason in shown if reason in process.printed}
+    assert any("of the limits on" in each for each in told), told
     assert process.exit_code(1200.0) == 0, process.printed
+    assert measured == {name: made(out)[name] for name in measured}
     assert "pulses_joint_1 was measured before" in process.printed
     assert graph.survivors() == []
     for bag in ("pulses_joint_1", "friction", "part_1", "hold", "step"):
-        record = read_bag(out / "bags" / bag)
-        assert np.abs(record.u).max() <= 1.0
-        assert np.abs(record.y[:, 0]).max() <= 1.5
+        assert passed_limits(read_bag(out / "bags" / bag), load_rig(str(rig))) == []
     assert list(load_controller(out / "controller.yaml").tracked) == ["hub"]
     summary = json.loads((out / "summary.json").read_text())
     assert abs(summary["step"][0]["arm"]["steady_error"]) < 0.02

@@ -2,13 +2,10 @@ from __future__ import annotations
 
 import json
 import signal
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
 
 from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.verbs.simulated.one_process import one_process
@@ -16,7 +13,8 @@ from flexarm_bringup.verbs.simulated.run_settings import RunSettings
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident.provenance import samples_hash
-from support.system_graph import PATIENCE_S, ROOT, eventually
+from support.looking_on import looked_on
+from support.system_graph import ROOT, eventually
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -111,23 +109,6 @@ def in_one_process(folder: Path, *, payload_kg: float, seed: int) -> list[str]:
             run.step("planned", law, length_s=3.0).recorded,
         )
     return [samples_hash(each.reading.data) for each in records]
-
-
-def looked_on(address: str) -> tuple[dict[str, Any], list[tuple[str, str]], int]:
-    """Look on until the page is closed; return its greeting, its badges and how many frames."""
-    shown, frames = [], 0
-    with connect(f"{address.replace('http', 'ws', 1)}live", compression=None) as page:
-        hello = json.loads(page.recv(PATIENCE_S))
-        with suppress(ConnectionClosed):
-            while True:
-                message = page.recv(PATIENCE_S)
-                if isinstance(message, bytes):
-                    frames += 1
-                    continue
-                said = json.loads(message)
-                if said["type"] == "state":
-                    shown.append((said["badge"], said["reason"]))
-    return hello, shown, frames
 
 
 @pytest.mark.parametrize(

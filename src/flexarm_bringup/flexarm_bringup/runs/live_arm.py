@@ -16,10 +16,11 @@ from flexarm_core.channels import is_thesis_arm
 from flexarm_ident.reading.read import read_bag
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from flexarm_bringup.graph.operator import Operator
+    from flexarm_bringup.graph.processes import NodeProcesses
     from flexarm_bringup.runs.pace import Pace
     from flexarm_control.commissioning.answers import PulseAnswer
     from flexarm_control.commissioning.programme import Measurement
@@ -61,17 +62,25 @@ class LiveArm:
         The arm.
     folder : Path
         Folder of the bags.
+    processes : NodeProcesses, optional
+        The nodes, where they are one's own.
 
     Attributes
     ----------
-    operator : Operator
-        Operator of the graph.
+    operator, processes : Operator, NodeProcesses
+        As given.
     delay_s : float
         Delay of the loop in the last run, s; 0 in virtual time, which waits for each command.
     """
 
-    def __init__(self, operator: Operator, rig: RigDescription, folder: Path) -> None:
-        self.operator = operator
+    def __init__(
+        self,
+        operator: Operator,
+        rig: RigDescription,
+        folder: Path,
+        processes: NodeProcesses | None = None,
+    ) -> None:
+        self.operator, self.processes = operator, processes
         self._rig = rig
         self._folder = folder
         self.delay_s = 0.0
@@ -134,6 +143,7 @@ def live_arm(
     seed: int = 0,
     files: tuple[Path, ...] = (),
     with_controller: bool = True,
+    page: Mapping[str, Any] | None = None,
 ) -> Iterator[LiveArm]:
     """Start the nodes that excite an arm and record it, and stop them with the drives at rest.
 
@@ -155,6 +165,8 @@ def live_arm(
         As for `running_graph`.
     with_controller : bool
         Whether a law is to move the joints, which not every rig has.
+    page : mapping of str to value, optional
+        Parameters of the page, which is served then.
     """
     pace.prepare()
     parameters: dict[str, dict[str, Any]] = {
@@ -166,23 +178,28 @@ def live_arm(
         parameters["controller"]["law"] = "pd"
         parameters["recorder"] = {"topics": recorded_topics(is_thesis=False)}
     nodes = [each for each in _NODES if with_controller or each != "controller"]
+    if page is not None:
+        nodes.append("live")
+        parameters["live"] = {**page, **told}
     with running_graph(
         parameters, folder / "nodes.log", nodes=nodes, files=files, namespace=namespace
-    ) as (operator, _):
-        yield LiveArm(operator, rig, folder)
+    ) as (operator, processes):
+        yield LiveArm(operator, rig, folder, processes)
 
 
-def answers_to_pulses(arm: Arm, rig: RigDescription) -> tuple[PulseAnswer, ...]:
-    """Pulse each joint, and print and return how it answers.
+def answers_to_pulses(
+    arm: Arm, rig: RigDescription, begin: Callable[[str], None] = terminal.step
+) -> tuple[PulseAnswer, ...]:
+    """Pulse each joint, and print and return how it answers; `begin` tells what comes.
 
     Raises
     ------
     ArmFaultError
-        For wrong wiring, a dead sensor or a stuck joint.
+        For wrong wiring, a dead sensor, a stuck joint or a loose gear.
     """
     programme, found = Programme(rig), []
     for number, joint in enumerate(rig.joints):
-        terminal.step(f"Pulses on {joint.input}, growing until {joint.angle} moves")
+        begin(f"Pulses on {joint.input}, growing until {joint.angle} moves, for direction and gain")
         answer = judge_pulses(arm.measured(programme.pulses(number)), rig, joint)
         units = rig.output(joint.angle).unit, rig.input(joint.input).unit
         terminal.CONSOLE.print(

@@ -351,8 +351,9 @@ def _silence(rig: RigDescription, joint: Joint, answering: Sequence[str], most: 
     others = [each.name for each in rig.joints if each.angle in answering and each is not joint]
     if others:
         return (
-            f"wired to another joint: {joint.input} turns {others[0]} and not {joint.name}: "
-            "exchange the wires, or the inputs in the description"
+            f"wired to another joint, or dead sensor: {joint.input} turns {others[0]} and not "
+            f"{joint.name}: exchange the wires, or the inputs in the description, or check the "
+            f"sensor of {joint.angle}"
         )
     if joint.rate is not None and joint.rate in answering:
         return (
@@ -361,12 +362,12 @@ def _silence(rig: RigDescription, joint: Joint, answering: Sequence[str], most: 
         )
     if answering:
         return (
-            f"stuck joint: {', '.join(answering)} answers to {joint.input} up to {most_text}, and "
-            f"{joint.angle} does not move: free the joint"
+            f"stuck joint, or dead sensor: {', '.join(answering)} answers to {joint.input} up to "
+            f"{most_text}, and {joint.angle} does not move: free the joint, or check the sensor"
         )
     return (
-        f"dead output: nothing answers to {joint.input} up to {most_text}: check the drive's "
-        "power, its enable input, the emergency stop and the wires"
+        f"dead output, or stuck joint: nothing answers to {joint.input} up to {most_text}: check "
+        "the drive's power, its enable input, the emergency stop and the wires, or free the joint"
     )
 
 

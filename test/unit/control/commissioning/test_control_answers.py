@@ -148,12 +148,16 @@ def column(number: int, factor: float) -> Callable[[np.ndarray], np.ndarray]:
     ("change", "stuck", "words"),
     [
         (lambda y: -y, False, "reversed wiring: a positive torque turns angle the other way"),
-        (lambda y: 0.0 * y, False, "dead output: nothing answers to torque"),
-        (lambda y: y, True, "stuck joint: gauge answers to torque"),
+        (lambda y: 0.0 * y, False, "dead output, or stuck joint: nothing answers to torque"),
+        (lambda y: y, True, "stuck joint, or dead sensor: gauge answers to torque"),
         (column(0, 0.0), False, "dead sensor: rate answers to torque.*angle does not"),
         (column(1, 0.0), False, "dead sensor: rate does not answer while angle moves"),
         (column(1, -1.0), False, "reversed wiring: rate has the other sign"),
-        (lambda y: y[:, [3, 1, 2, 0]] * [1, 0, 1, 1], False, "torque turns elbow and not hub"),
+        (
+            lambda y: y[:, [3, 1, 2, 0]] * [1, 0, 1, 1],
+            False,
+            "or dead sensor: torque turns elbow and not hub",
+        ),
     ],
     ids=["reversed", "output", "stuck", "angle", "rate", "rate's sign", "exchanged"],
 )

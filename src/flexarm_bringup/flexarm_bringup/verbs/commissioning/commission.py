@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,14 @@ from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.commissioning.state import State
-from flexarm_bringup.verbs.laboratory.options import ARM, TWIN, paced, rig_parameter, twin_rig
+from flexarm_bringup.verbs.laboratory.options import (
+    ARM,
+    LIVE,
+    TWIN,
+    paced,
+    rig_parameter,
+    twin_rig,
+)
 from flexarm_core.outputs import OutputError
 from flexarm_core.own_files import claimed
 from flexarm_core.rig_description import load_rig
@@ -43,12 +51,14 @@ if TYPE_CHECKING:
     help="Relative standard deviation of modes and gains at which the excitation ends.",
 )
 @click.option("--dry-run", is_flag=True, help="Print stages, limits and times, and drive nothing.")
+@LIVE
 @paced
 @ARM
 @examples(
     "commission --rig my_arm.yaml --dry-run",
     "commission --rig my_arm.yaml",
     "commission --rig thesis --fast",
+    "commission --rig my_arm.yaml --live",
     "commission --twin out/identify/model.yaml --fast",
 )
 def commission(
@@ -58,6 +68,7 @@ def commission(
     out: Path,
     goal: float,
     dry_run: bool,
+    live: bool,
     pace: Pace,
     namespace: str,
 ) -> None:
@@ -87,7 +98,7 @@ def commission(
     taken = OutputError(f"{out}: another commissioning is at work there: choose another --out")
     with claimed(os.open(out, os.O_RDONLY), taken):
         state = State.of(out, {"rig": description.text, "goal": goal})
-        _commission(description, rig, state, pace, namespace)
+        _commission(description, rig, state, pace, namespace, live=live)
 
 
 def _show_programme(rig: RigDescription) -> None:
@@ -103,13 +114,18 @@ def _show_programme(rig: RigDescription) -> None:
 
 
 def _commission(
-    rig: RigDescription, rig_name: str, state: State, pace: Pace, namespace: str
+    rig: RigDescription, rig_name: str, state: State, pace: Pace, namespace: str, *, live: bool
 ) -> None:
     # They load ROS, python-control and what identifies, which a dry run does without.
     from flexarm_bringup.runs.live_arm import live_arm  # noqa: PLC0415
     from flexarm_bringup.verbs.commissioning.commissioner import Commissioner  # noqa: PLC0415
     from flexarm_bringup.verbs.commissioning.results import write_results  # noqa: PLC0415
     from flexarm_bringup.verbs.health.rig import check_at_rest  # noqa: PLC0415
+    from flexarm_bringup.verbs.laboratory.live_page import (  # noqa: PLC0415
+        PageAddress,
+        PageSettings,
+        announce_task,
+    )
     from flexarm_bringup.verbs.offline.servo import write_servo  # noqa: PLC0415
 
     out = state.folder
@@ -119,10 +135,13 @@ def _commission(
         state.note("check", {"outputs": list(rig.output_names)})
     bags = out / "bags"
     bags.mkdir(exist_ok=True)
-    with live_arm(
-        rig, rig_parameter(rig_name), bags.absolute(), pace=pace, namespace=namespace
-    ) as arm:
-        commissioner = Commissioner(arm, rig, state)
+    page = PageSettings(port=0, view_only=True).parameters() if live else None
+    named = rig_parameter(rig_name)
+    with live_arm(rig, named, bags.absolute(), pace=pace, namespace=namespace, page=page) as arm:
+        if live and arm.processes is not None:
+            arm.operator.wait(PageAddress(namespace, arm.processes).look, "the page")
+        announce = partial(announce_task, namespace) if live else None
+        commissioner = Commissioner(arm, rig, state, announce)
         results, design = commissioner.run()
         write_servo(design, [results.name], out / "servo")
         steps = commissioner.step(design)

@@ -30,7 +30,7 @@ from flexarm_ident.job import identify_bags
 from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from flexarm_bringup.runs.live_arm import Arm
     from flexarm_bringup.verbs.commissioning.state import State
@@ -83,23 +83,31 @@ class Commissioner:
         Its description.
     state : State
         What was found before, and the goal.
+    announce : callable, optional
+        Tells somebody beside the user of the terminal what comes.
     """
 
-    def __init__(self, arm: Arm, rig: RigDescription, state: State) -> None:
-        self._arm, self._rig, self._state = arm, rig, state
+    def __init__(
+        self,
+        arm: Arm,
+        rig: RigDescription,
+        state: State,
+        announce: Callable[[str], None] | None = None,
+    ) -> None:
+        self._arm, self._rig, self._state, self._announce = arm, rig, state, announce
         self._programme = Programme(rig)
         self._folder = state.folder
         self._results: dict[str, Results] = {}
 
     def answers(self) -> tuple[PulseAnswer, ...]:
         """Pulse each joint, and refuse wrong wiring, dead sensors and stuck joints."""
-        found = answers_to_pulses(self._arm, self._rig)
+        found = answers_to_pulses(self._arm, self._rig, self._begin)
         self._state.note("pulses", [each._asdict() for each in found])
         return found
 
     def friction(self, loop: SoftLoop) -> tuple[Friction, ...]:
         """Move all joints slowly in the soft loop."""
-        terminal.step("Slow motion in a soft position loop, for the friction")
+        self._begin("Slow motion in a soft position loop, for the friction that excitation exceeds")
         records = [self._measured(each) for each in self._programme.friction(loop)]
         record = records[0]
         delay_s = self._arm.delay_s or self._state.found.get("loop", {}).get("delay_s", 0.0)
@@ -128,12 +136,13 @@ class Commissioner:
             else all that are usable, by their cross-validated errors.
         """
         magnitude_v = self._programme.first_v(friction)
+        reason = "from a fifth of the limits on"
         bags: list[str] = []
         for number in range(1, PARTS + 1):
             wanted = self._programme.part(number, magnitude_v, loop, friction)
-            terminal.step(
+            self._begin(
                 f"Part {number} of {PARTS} at most: multisine of {10.0 * magnitude_v:.0f} % of the "
-                f"limits, {wanted.length_s:.0f} s"
+                f"limits, {wanted.length_s:.0f} s, {reason}"
             )
             record = self._measured(wanted)
             self._show_distortion(record, wanted)
@@ -141,8 +150,10 @@ class Commissioner:
             if wanted.name not in self._state.found:
                 found = {"magnitude_v": magnitude_v, "bags": bags.copy()}
                 self._state.note(wanted.name, found | self._judged(wanted.name, bags))
-            if not self._state.found[wanted.name]["hindrance"]:
+            hindrance = self._state.found[wanted.name]["hindrance"]
+            if not hindrance:
                 return (wanted.name,)
+            reason = f"since {hindrance}"
             growth = self._programme.growth(record, magnitude_v)
             if growth >= _GROWS:
                 magnitude_v *= growth
@@ -188,6 +199,8 @@ class Commissioner:
         source = Source(results.name, outcome.model, outcome.friction, outcome.records[0])
         driven = outcome.records[0].inputs
         limits = {each.name: each.reach for each in self._rig.inputs if each.name in driven}
+        if self._announce:
+            self._announce("Design of the servo, then its step on the arm")
         with terminal.busy("designing servo"):
             delay_s = self._state.found["loop"]["delay_s"]
             request = ServoRequest(self._rig.tracked, limits, delay_s=delay_s)
@@ -198,7 +211,7 @@ class Commissioner:
         servo = Servo(design.gains)
         controller = str((self._folder / CONTROLLER_FILE).absolute())
         seconds = len(design.run.y) / design.gains.rate_hz
-        terminal.step(f"Step with the new controller, {seconds:.0f} s")
+        self._begin(f"Step with the new controller, {seconds:.0f} s, beside that of the twin")
         joints = {each.angle: each for each in self._rig.joints}
         places = [self._rig.output_names.index(name) for name in design.gains.tracked]
         if not self._arm.bag("step").exists():
@@ -237,6 +250,12 @@ class Commissioner:
         loop = soft_loop(answers, self._rig)
         friction = self.friction(loop)
         return self.designed(self.models(loop, friction))
+
+    def _begin(self, words: str) -> None:
+        """Tell the user what comes next and why, on the page too."""
+        terminal.step(words)
+        if self._announce:
+            self._announce(words)
 
     def _measured(self, wanted: Measurement) -> IoData:
         return of_joints(self._arm.measured(wanted), self._rig)

@@ -50,6 +50,11 @@ TWIN = click.option(
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="Arm: the twin of an identified model, model.yaml.",
 )
+LIVE = click.option(
+    "--live",
+    is_flag=True,
+    help="Show every step on a page in the browser, whose address stands on a line.",
+)
 PAYLOAD = click.option(
     "--payload",
     "payload_kg",

@@ -13,7 +13,7 @@ import click
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import FORCE, together
 from flexarm_bringup.graph.processes import HeldDriveError
-from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
+from flexarm_bringup.verbs.laboratory.options import ARM, LIVE, PAYLOAD, paced
 from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
 from flexarm_core.own_files import claimed
 from flexarm_ident.job import result_files
@@ -123,11 +123,7 @@ run_options = together(
     ),
     paced,
     click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag."),
-    click.option(
-        "--live",
-        is_flag=True,
-        help="Show every step on a page in the browser, whose address stands on a line.",
-    ),
+    LIVE,
     FORCE,
     ARM,
 )
