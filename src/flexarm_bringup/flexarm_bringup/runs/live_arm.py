@@ -180,7 +180,7 @@ def live_arm(
     nodes = [each for each in _NODES if with_controller or each != "controller"]
     if page is not None:
         nodes.append("live")
-        parameters["live"] = {**page, **told}
+        parameters["live"] = {**page, **given}
     with running_graph(
         parameters, folder / "nodes.log", nodes=nodes, files=files, namespace=namespace
     ) as (operator, processes):
@@ -190,7 +190,7 @@ def live_arm(
 def answers_to_pulses(
     arm: Arm, rig: RigDescription, begin: Callable[[str], None] = terminal.step
 ) -> tuple[PulseAnswer, ...]:
-    """Pulse each joint, and print and return how it answers; `begin` tells what comes.
+    """Pulse each joint, and print and return how it answers; `begin` prints what comes.
 
     Raises
     ------

@@ -84,7 +84,7 @@ class Commissioner:
     state : State
         What was found before, and the goal.
     announce : callable, optional
-        Tells somebody beside the user of the terminal what comes.
+        Shows what comes to somebody beside the user of the terminal.
     """
 
     def __init__(
