@@ -194,4 +194,4 @@ def test_job___that_ended_without_a_connection___is_no_longer_waited_for(browser
         wait_until(lambda: mock.jobs != [])
         mock.jobs.clear()
         browser.wait_for("document.getElementById('running').hidden")
-        assert "it has ended" in browser.ask("document.getElementById('message').textContent")
+        assert "the job ended" in browser.ask("document.getElementById('message').textContent")
