@@ -28,7 +28,7 @@ from flexarm_ident.estimation.weighing import (
     within_tolerance,
 )
 from flexarm_ident.fitting.blas import one_thread
-from flexarm_ident.models.state_space import is_stable
+from flexarm_ident.models.state_space import INTEGRATING, is_stable
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.subspace.choice import estimate, select_method
 from flexarm_ident.subspace.feedback import reaches_inputs
@@ -283,7 +283,7 @@ def _linear_model(
         )
     elif not stable and not is_stable(model.A):
         notes.append(f"the model of order {order} is unstable")
-    if way in {"integrator", "drag"}:
+    if way in INTEGRATING:
         notes.append(INTEGRATES)
     return Identification(
         model=model,

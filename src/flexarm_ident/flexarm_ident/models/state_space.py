@@ -25,6 +25,8 @@ Way = Literal["mirror", "clamp", "integrator", "drag"]
 """Way to move an unstable eigenvalue."""
 WAYS: tuple[Way, ...] = ("mirror", "clamp", "integrator", "drag")
 """All of them."""
+INTEGRATING: frozenset[Way] = frozenset({"integrator", "drag"})
+"""Ways that make an integrator of an eigenvalue near 1."""
 INTEGRATOR_RADIUS = 1.0 - 1e-8
 """Magnitude of an integrator: 100 million samples, and clear of the rounding of eigenvalues."""
 # Estimates of an integrator's eigenvalue lie within that distance of 1.
@@ -175,7 +177,7 @@ def moved(start: Spectrum, way: Way) -> Spectrum:
     """
     unstable = int(np.sum(np.abs(start.eigenvalues) >= 1.0))
     eigenvalues, vectors = start.eigenvalues, start.vectors
-    near = (np.abs(eigenvalues - 1.0) < NEAR_ONE) & (way in {"integrator", "drag"})
+    near = (np.abs(eigenvalues - 1.0) < NEAR_ONE) & (way in INTEGRATING)
     if way == "drag":
         eigenvalues, vectors, near = _with_drag(start, near)
     radius = np.abs(eigenvalues)
