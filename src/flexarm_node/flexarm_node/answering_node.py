@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from abc import abstractmethod
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from flexarm_core.signals import Command
 from flexarm_msgs.msg import CommanderInfo
@@ -29,13 +29,6 @@ if TYPE_CHECKING:
 _WAIT_S = 0.1
 _SILENT_S = 1.0
 _STATISTICS_SAMPLES = 3000
-
-
-class _Answer(NamedTuple):
-    """Command, and the stamp of the sample that it answers, ns."""
-
-    command: Command
-    taken_ns: int
 
 
 class AnsweringNode(LoopNode):
@@ -90,6 +83,7 @@ class AnsweringNode(LoopNode):
         """Make the topics of the loop."""
         self._count = AnswerCount()
         self._answer_s = Window(_STATISTICS_SAMPLES)
+        self._took_s = 0.0
         codec = self.codec
         self._samples = None
         if self.direct is None:
@@ -177,13 +171,13 @@ class AnsweringNode(LoopNode):
     ) -> None:
         def give(sample: Sample) -> None:
             if (answer := self._answer_to(sample)) is not None:
-                direct.give(answer.command, lambda: self._send(answer))
+                direct.give(answer, lambda: self._send(answer))
 
         with direct.answering(give, self.spare_time):
             while not stopping.wait(_WAIT_S):
                 direct.check()
 
-    def _answer_to(self, sample: Sample) -> _Answer | None:
+    def _answer_to(self, sample: Sample) -> Command | None:
         """Return the answer to a sample; None to one that was answered before."""
         if not self._count.is_new(sample.sequence, sample.taken_ns):
             return None
@@ -196,10 +190,11 @@ class AnsweringNode(LoopNode):
         command = Command(
             self._count.next(), sample.sequence, efforts, compensations, sample.taken_ns
         )
-        self._answer_s.add(time.monotonic() - received_s)
-        return _Answer(command, sample.taken_ns)
+        self._took_s = time.monotonic() - received_s
+        return command
 
-    def _send(self, answer: _Answer) -> None:
-        self.before_command(answer.taken_ns)
-        self._commands.publish(self.codec.commands.pack(answer.command))
-        self.answered(answer.taken_ns)
+    def _send(self, command: Command) -> None:
+        self.before_command(command.stamp_ns)
+        self._commands.publish(self.codec.commands.pack(command))
+        self.answered(command.stamp_ns)
+        self._answer_s.add(self._took_s)

@@ -213,15 +213,17 @@ class Exchange:
         self.sequence += 1 + skipped
         self.taken += 1
         in_force = self.applied
-        self._look_for_faults(sample)
-        if not self.safety.driving:
-            self._let_go()
+        self._end_by_time(sample.time_s)
         self._outputs = sample.outputs
         self._sample_time_s = sample.time_s
         if self.taken == 1:
             self._started_s = (sample.time_s, now_s)
         record = Record(self.sequence, sample.time_s, now_s, sample.outputs, *in_force)
         self._watched(lambda: self._link.publish(record))
+        # A controller in another process works while the readings are examined.
+        if complaint := self._sensors.complaint(sample.time_s, sample.outputs):
+            self._hold(Event.SENSOR_FAULT, complaint)
+            self._let_go()
 
     def _watched(self, work: Callable[[], None]) -> None:
         """Let the link work, in this thread maybe for the law; it may hang there.
@@ -292,15 +294,15 @@ class Exchange:
         if math.isnan(self.held_s) and self.safety.reason:
             self.held_s = max(0, self.sequence - 1) * self._period_s
 
-    def _look_for_faults(self, sample: RigSample) -> None:
-        complaint = self._sensors.complaint(sample.time_s, sample.outputs)
-        if complaint:
-            self._hold(Event.SENSOR_FAULT, complaint)
+    def _end_by_time(self, time_s: float) -> None:
+        """Take the drive to zero after an emergency stop and when its commander is silent."""
         if self._emergency:
             self._hold(Event.EMERGENCY_STOP, "emergency stop")
-        if self._watchdog.stale(self.sequence, sample.time_s):
+        if self._watchdog.stale(self.sequence, time_s):
             self.commander.release()
             self.safety.on(Event.STALE)
+        if not self.safety.driving:
+            self._let_go()
 
     def _write(self, applied: Applied) -> None:
         self._rig.write(applied.commands)
