@@ -89,7 +89,7 @@ def _windows(found: Regulator) -> tuple[int, int]:
     if len(vibrate):
         mode = 2.0 * np.pi / float(vibrate.imag.min())
         # A mode that is slower than the plan has to be waited for.
-        long = max(1.0, np.ceil(long / mode)) * mode if mode < 2.0 * period else long
+        long = max(1.0, round(long / mode)) * mode if mode < 2.0 * period else long
     return max(1, round(long)), max(1, round(short))
 
 
