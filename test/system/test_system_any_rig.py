@@ -174,6 +174,7 @@ def test_up___its_page___moves_each_joint_stops_and_releases(graph: Graph, tmp_p
     assert found.differences == ()
 
 
+@pytest.mark.exhaustive
 def test_up___twin_of_a_measured_arm_under_its_servo___both_joints_go_where_they_are_put(
     graph: Graph, tmp_path: Path
 ) -> None:

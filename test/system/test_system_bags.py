@@ -152,11 +152,12 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
 @pytest.mark.parametrize(
     "signals",
     [
-        pytest.param((signal.SIGINT,), marks=pytest.mark.exhaustive, id="ctrl_c"),
-        pytest.param((signal.SIGTERM,), marks=pytest.mark.exhaustive, id="terminate"),
+        pytest.param((signal.SIGINT,), id="ctrl_c"),
+        pytest.param((signal.SIGTERM,), id="terminate"),
         pytest.param((signal.SIGINT, signal.SIGINT), id="ctrl_c_twice"),
     ],
 )
+@pytest.mark.exhaustive
 def test_signal___ends_every_node_cleanly(
     graph: Graph, tmp_path: Path, signals: tuple[signal.Signals, ...]
 ) -> None:

@@ -54,6 +54,7 @@ def made(out: Path) -> dict[str, int]:
     return {file.parent.name: file.stat().st_mtime_ns for file in whole}
 
 
+@pytest.mark.exhaustive
 def test_commission___killed___goes_on_to_a_controller(graph: Graph, tmp_path: Path) -> None:
     rig, out = rig_of(tmp_path), tmp_path / "out"
     process = commission(graph, rig, out)

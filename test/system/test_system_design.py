@@ -82,6 +82,7 @@ def test_experiment___identified_and_designed_on___is_controlled_in_the_running_
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_design___of_a_payload_that_nobody_packaged___holds_its_step(
     graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -288,6 +288,7 @@ def test_signal_while_a_thread_is_in_compiled_code___ends_the_node_in_order(
     assert process.printed == "at work\n"
 
 
+@pytest.mark.exhaustive
 def test_loop___asks_its_readers_soon_what_they_have___so_what_is_lost_is_soon_repeated(
     graph: Graph, tmp_path: Path
 ) -> None:

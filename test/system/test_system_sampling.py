@@ -297,6 +297,7 @@ def test_emergency_stop___is_reported_at_once(driven_loop: Graph) -> None:
     assert any(reports_within_half_a_second() for _ in range(20))
 
 
+@pytest.mark.exhaustive
 def test_real_time___500_hz_while_a_model_is_identified___records_every_sample(
     graph: Graph, tmp_path: Path
 ) -> None:

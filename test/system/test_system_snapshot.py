@@ -34,6 +34,7 @@ def snapshot(graph: Graph) -> Trigger.Response:
     return response
 
 
+@pytest.mark.exhaustive
 def test_snapshot___holds_the_last_second_and_the_set_point_that_a_late_viewer_of_it_gets(
     graph: Graph, tmp_path: Path
 ) -> None:

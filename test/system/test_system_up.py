@@ -204,6 +204,7 @@ def test_up___driver_that_fails___ends_at_once_with_the_reason(
     assert "is the DAQ node active?" not in process.printed
 
 
+@pytest.mark.exhaustive
 def test_up___recorder_killed___arm_goes_on_and_another_recorder_takes_its_place(
     graph: Graph, tmp_path: Path
 ) -> None:

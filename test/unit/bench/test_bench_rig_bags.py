@@ -24,6 +24,7 @@ pytestmark = pytest.mark.slow
         ("bags.bags", ("ratio_to_anyreader", "read_bag_messages_per_s", "read_bag_40_s_bag_s")),
     ],
 )
+@pytest.mark.exhaustive
 def test_bench___few_seconds___gives_its_figures(
     tmp_path: Path, name: str, figures: tuple[str, ...]
 ) -> None:

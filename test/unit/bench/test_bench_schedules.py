@@ -151,6 +151,7 @@ def test_commander___that_obeys_a_number_again___is_found(
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_recorder___that_awaits_recent_topics_alone___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

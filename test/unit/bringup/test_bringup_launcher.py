@@ -18,6 +18,7 @@ from click.testing import CliRunner
 from flexarm_bringup.cli import GROUPS, main
 from flexarm_bringup.console.verb_group import LazyVerbGroup
 from flexarm_bringup.verbs.checkout.bench import _BENCHES
+from support.exhaustive import first_of
 from support.project import PROJECT
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ def options_of(command: click.Command) -> Iterator[str]:
         yield from options_of(below)
 
 
-@pytest.mark.parametrize("verb", [verb for group in GROUPS.values() for verb in group])
+@pytest.mark.parametrize("verb", first_of([verb for group in GROUPS.values() for verb in group], 6))
 def test_right_words___before_the_set_up___are_let_through(verb: str) -> None:
     assert isinstance(main, LazyVerbGroup)
     known = {name for name in options_of(main.load(verb)) if name != "--help"}
@@ -193,12 +194,12 @@ COMMANDS = sorted(
 )
 
 
-@pytest.mark.parametrize("words", COMMANDS)
+@pytest.mark.parametrize("words", first_of(COMMANDS, 6))
 def test_bench_of_a_page___before_the_set_up___is_let_through(words: str) -> None:
     assert checked(*words.split()) == ""
 
 
-@pytest.mark.parametrize("name", [name for name, *_ in _BENCHES])
+@pytest.mark.parametrize("name", first_of([name for name, *_ in _BENCHES], 4))
 def test_options_of_a_bench___before_the_set_up___are_its_own(name: str) -> None:
     (file,) = PROJECT.glob(f"bench/*/{name}.py")
     module = import_module(f"bench.{file.parent.name}.{name}")

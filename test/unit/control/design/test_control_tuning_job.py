@@ -180,6 +180,7 @@ def test_tune___regulator___gives_model_and_weights_that_the_law_is_built_of(
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_tune___schedule___has_a_row_for_each_payload_and_gains_for_all() -> None:
     names = ["nominal:0.4", "nominal:0", "0.15=nominal:0.2"]
 

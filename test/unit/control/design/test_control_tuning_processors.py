@@ -32,6 +32,7 @@ def gains_with_kernels_of(processor: str) -> list[list[float]]:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_tuned_gains___on_other_processors___are_the_same_far_below_the_digits_shown() -> None:
     one, other = map(gains_with_kernels_of, ("Haswell", "Prescott"))
     for ours, theirs in zip(one, other, strict=True):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 from support.driven_rig import driven
+from support.exhaustive import first_of
 
 Law = Callable[[NDArray[np.float64]], float]
 
@@ -125,7 +126,9 @@ def test_pdpc___a_whole_period_late___is_unstable() -> None:
     assert late.base_gauge_rms_v > 20.0 * prompt.base_gauge_rms_v
 
 
-@pytest.mark.parametrize(("payload_kg", "reference_v"), [(0.0, 1.0), (0.2, 3.0), (0.4, 5.0)])
+@pytest.mark.parametrize(
+    ("payload_kg", "reference_v"), first_of([(0.2, 3.0), (0.0, 1.0), (0.4, 5.0)])
+)
 @pytest.mark.slow
 def test_compensation___kept_on_at_the_set_point___makes_the_gear_hit(
     payload_kg: float, reference_v: float

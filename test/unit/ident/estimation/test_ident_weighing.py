@@ -22,6 +22,7 @@ from flexarm_ident.estimation.weighing import (
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.subspace.choice import estimate
 from flexarm_ident.subspace.methods import METHODS
+from support.exhaustive import first_of
 from support.ident_systems import DT_S, random_model, record, square_wave
 from support.project import SHARED
 
@@ -190,7 +191,7 @@ def disturbed(seed: int) -> IoData:
     return IoData(u, (y + noise)[:, np.newaxis], dt_s=DT_S, inputs=("u",), outputs=("y",))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_of(range(3)))
 @pytest.mark.slow
 def test_auto___any_record___simulates_no_worse_than_the_order_by_one_step_errors(
     seed: int,
