@@ -33,6 +33,7 @@ from flexarm_control.servo.robustness import (
     vibrations,
     with_modes,
 )
+from flexarm_control.servo.set_point import plan_for
 from flexarm_core.errors import SettingError
 from support.servo_plants import DT_S, bending_arm, sampled, two_joints
 
@@ -101,6 +102,20 @@ def test_design_servo___tip___reports_what_is_attainable() -> None:
     first = tip.run.y[: round(0.05 / DT_S), 0] / tip.steps[0]
     assert first.min() < -1e-4
     assert tip.results[0].steady_error == pytest.approx(0.0, abs=1e-3)
+
+
+def test_plan___of_an_arm___neither_excites_its_vibration_nor_waits_a_period_too_long() -> None:
+    """A mean over whole periods of a mode has no part at its frequency (Singer and Seering)."""
+    plant = loop_plant(bending_arm(outputs=1))
+    no_limit = np.array([np.inf])
+    for bandwidth_hz in (0.3, 0.5, 3.0):
+        found = design_regulator(plant, (0,), bandwidth_hz)
+        long, _ = plan_for(found, no_limit, np.zeros(1)).windows
+        poles = np.log(np.linalg.eigvals(found.following.A).astype(complex)) / DT_S
+        slow = min(poles[poles.imag > -3.0 * poles.real], key=lambda pole: pole.imag)
+        passed = np.mean(np.exp(1j * slow.imag * DT_S * np.arange(long)))
+        assert abs(passed) < 0.02
+        assert abs(long * DT_S - 0.7 / bandwidth_hz) < 1.01 * np.pi / slow.imag
 
 
 def test_loop_margin___one_input___is_that_of_python_control() -> None:
