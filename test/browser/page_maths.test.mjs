@@ -8,6 +8,7 @@ const { decode, decimated, Ring, withHoles } = await import(new URL("samples.js"
 const { nextTo, ray } = await import(new URL("dial.js", PAGE));
 const { angleAt, deflections, linkPoints } = await import(new URL("bending.js", PAGE));
 const { decimalsOf, figure, stepFigures, stepOf, ticksOf } = await import(new URL("numbers.js", PAGE));
+const { cross, facesOf, placed, seenFrom } = await import(new URL("solids.js", PAGE));
 const { Units } = await import(new URL("units.js", PAGE));
 
 const near = (value, wanted, within = 1e-9) =>
@@ -218,4 +219,37 @@ test("a step that has not settled says so", () => {
   const found = stepFigures({ size: 1, timesS: [0, 1, 2], output: [0, 1.2, 0.9], swinging: [0, 0, 0] });
   near(found.overshoot, 0.2);
   assert.equal(found.settledS, null);
+});
+
+/** Volume within faces by the divergence theorem; negative where they are seen from inside. */
+function volume(faces) {
+  const signed = (a, b, c) => cross(a, b).reduce((sum, each, k) => sum + each * c[k], 0) / 6;
+  return faces.reduce((sum, [a, b, c, d]) => sum + signed(a, b, c) + signed(a, c, d), 0);
+}
+
+test("the faces of each kind of solid close it, outside out", () => {
+  const disk = (corners) => (corners / 2) * Math.sin((2 * Math.PI) / corners);
+  near(volume(facesOf("box", [0.1, 0.2, 0.3])), 8 * 0.1 * 0.2 * 0.3);
+  near(volume(facesOf("cylinder", [0.5, 2, 0])), disk(16) * 0.25 * 4);
+  // A ball of twelve corners and six rings is smaller than the round one by less than a fifth.
+  const ball = (4 / 3) * Math.PI;
+  const unit = volume(facesOf("sphere", [1, 0, 0]));
+  assert.ok(unit < ball && unit > 0.8 * ball);
+  near(volume(facesOf("ellipsoid", [1, 2, 3])), 6 * unit);
+  near(volume(facesOf("capsule", [1, 4, 0])), unit + disk(12) * 8);
+});
+
+test("a body turned by 90 degrees about z takes its points along", () => {
+  const half = Math.SQRT1_2;
+  placed([1, 2, 3, half, 0, 0, half], [1, 0, 0.5]).forEach((each, k) => near(each, [1, 3, 3.5][k]));
+});
+
+test("from azimuth 0, x points away and y to the left, and from above a height comes near", () => {
+  const seen = (elevation, point) => seenFrom(0, elevation, point);
+  seen(Math.PI / 2, [1, 0, 0]).forEach((each, k) => near(each, [0, 1, 0][k]));
+  seen(Math.PI / 2, [0, 1, 0]).forEach((each, k) => near(each, [-1, 0, 0][k]));
+  seen(Math.PI / 2, [0, 0, 1]).forEach((each, k) => near(each, [0, 0, 1][k]));
+  seen(0, [0, 0, 1]).forEach((each, k) => near(each, [0, 1, 0][k]));
+  // A quarter round: what pointed away points to the right.
+  seenFrom(Math.PI / 2, 0, [1, 0, 0]).forEach((each, k) => near(each, [1, 0, 0][k]));
 });

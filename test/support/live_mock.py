@@ -72,6 +72,8 @@ class LiveMock:
         self.writing_s = 0.0
         self.arm: Any = MockArm(rate_hz) if rig is None else MockLinks(rig)
         self.requests: list[dict[str, Any]] = []
+        self.solids: list[dict[str, Any]] = []
+        self.poses: list[list[float]] = []
         self.files = page_files()
         self.badge = "DRIVING"
         self.payload_kg = 0.0
@@ -171,11 +173,12 @@ class LiveMock:
         return {"signals": signals, "endings": {"V": "_v", "rad": "_rad"}, "has_clock": False}
 
     def _greeting(self, *, hand: bool) -> dict[str, Any]:
-        return (
+        hello = (
             greeting(self.rate_hz, hand=hand)
             if self.rig is None
             else greeting_of(self.rig, hand=hand)
         )
+        return hello | {"solids": self.solids}
 
     def _take(self, page: ServerConnection, request: dict[str, Any]) -> None:
         self.requests.append(request | {"at_s": time.monotonic()})
@@ -340,6 +343,8 @@ class LiveMock:
                 packed = frame(rows)
                 for page in list(self._pages):
                     _send(page, packed)
+            if self.poses:
+                self._post({"type": "poses", "poses": self.poses})
             if elapsed_s * STATES_PER_S > states:
                 states += 1
                 self.send_state()

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.rigs.rig_protocol import RigError, RigSample, absent_channels, has_own_clock
+from flexarm_daq.rigs.rig_protocol import (
+    RigError,
+    RigSample,
+    absent_channels,
+    bodies_of,
+    has_own_clock,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +39,7 @@ class ScaledRig:
     def __init__(self, driver: Rig, rig: RigDescription) -> None:
         self.driver = driver
         self.has_own_clock = has_own_clock(driver)
+        self.bodies = bodies_of(driver)
         absent = [each.name for each in rig.outputs if each.absent]
         self.absent_channels = tuple(dict.fromkeys((*absent, *absent_channels(driver))))
         self._scales = np.array([each.scale for each in rig.outputs])

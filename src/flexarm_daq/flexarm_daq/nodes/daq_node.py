@@ -122,6 +122,7 @@ class DaqNode(LoopNode):
             run_self_test(rig, gate, self.description, values["rate_hz"], paced=not virtual)
             self.get_logger().info("self-test: every channel answers with the right sign")
         self._link.start(
+            rig,
             values["rate_hz"],
             virtual=virtual,
             clock=values["clock"],

@@ -10,6 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from flexarm_core.signals import Sample
+from flexarm_daq.nodes.body_topics import BodyTopics
 from flexarm_daq.nodes.joint_view import joint_view
 from flexarm_msgs.msg import ChannelInfo
 from flexarm_node import qos
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.signals import Command
     from flexarm_daq.loop.exchange import Record
+    from flexarm_daq.rigs.rig_protocol import Rig
     from flexarm_node.loop_node import LoopNode
     from flexarm_node.topics.handover import DirectHandover
 
@@ -76,6 +78,7 @@ class TopicLink:
         self._joint = JointState(name=[*self._view.names])
         self._joint.header.frame_id = node.frame
         self._joint_every = 1
+        self._bodies = BodyTopics(node)
         self._start_ns = 0
         self.newest_ns = 0
         self.newest_outputs: tuple[float, ...] = ()
@@ -83,7 +86,9 @@ class TopicLink:
         self._is_others_turn = False
         self._virtual = False
 
-    def start(self, rate_hz: float, *, virtual: bool, clock: bool, await_commander: bool) -> None:
+    def start(
+        self, rig: Rig, rate_hz: float, *, virtual: bool, clock: bool, await_commander: bool
+    ) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
         self._virtual = virtual
         self.newest_ns = 0
@@ -99,6 +104,7 @@ class TopicLink:
         while self._commands.wait_newest(0.0) is not None:
             pass
         self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))
+        self._bodies.start(rig, rate_hz)
 
     def has_commander(self) -> bool:
         """Return whether a node is there that could send commands."""
@@ -144,6 +150,7 @@ class TopicLink:
             self._clock.publish(self._now)
         if record.sequence % self._joint_every == 0 and self._joint_states.get_subscription_count():
             self._publish_joints(record)
+        self._bodies.publish(record.sequence)
 
     def wait(self, timeout_s: float) -> Command | None:
         """Return the newest command, or None when none came in time."""
@@ -202,6 +209,7 @@ class TopicLink:
         self._node.destroy_publisher(self._joint_states)
         self._node.destroy_publisher(self._channels)
         self._node.destroy_publisher(self._description)
+        self._bodies.close()
 
     def _release_clock(self) -> None:
         if self._clock is not None:

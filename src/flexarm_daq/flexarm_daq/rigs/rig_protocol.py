@@ -7,13 +7,15 @@ the loop by a full period. PD and PDP control would then be unstable at 300 Hz.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from flexarm_core.errors import FlexarmError
 from flexarm_core.signals import RigSample
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from flexarm_core.arrays import FloatArray
 
 
 __all__ = ["OFF_RATE", "DriveNotStoppedError", "Rig", "RigError", "RigSample"]
@@ -28,6 +30,21 @@ class RigError(FlexarmError):
 
 class DriveNotStoppedError(RigError):
     """Failure to set the drive to zero: only the emergency stop is left."""
+
+
+class Bodies(Protocol):
+    """Bodies of an open rig, to be drawn."""
+
+    def solids(self) -> list[dict[str, Any]]:
+        """Return what the bodies are made of, as JSON takes it.
+
+        A solid has the number of its `body`, `kind` (box, sphere, ellipsoid, capsule, cylinder),
+        `size_m` (half widths along x, y and z; radius and half length of the last two, whose axis
+        is z), `place_m` and `turn` (a quaternion w, x, y, z) in the body's frame, and `rgba`.
+        """
+
+    def poses(self) -> FloatArray:
+        """Return the newest pose of each body, (bodies, 7): place in m, quaternion w, x, y, z."""
 
 
 class Rig(Protocol):
@@ -45,6 +62,8 @@ class Rig(Protocol):
 
     A rig that lacks a sensor reads a constant in its place, and names the channel in an attribute
     `absent_channels`, a tuple: neither self-test nor sensor check asks anything of that channel.
+
+    A rig that knows where its bodies are has them in an attribute `bodies`, which the page draws.
     """
 
     def open(self) -> None:
@@ -115,3 +134,8 @@ def has_virtual_time(rig: Rig) -> bool:
 def absent_channels(rig: Rig) -> tuple[str, ...]:
     """Return the names of the channels that a rig has no sensor for."""
     return tuple(getattr(rig, "absent_channels", ()))
+
+
+def bodies_of(rig: Rig) -> Bodies | None:
+    """Return the bodies of a rig that knows them."""
+    return getattr(rig, "bodies", None)

@@ -17,6 +17,7 @@ from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 from flexarm_core.patience import slowness
 from flexarm_live.graph.about import about_arm
+from flexarm_live.graph.bodies import ShownBodies
 from flexarm_live.graph.calls import Calls, SilentNodeError
 from flexarm_live.graph.chain import Chain, Jobs, record_line
 from flexarm_live.graph.loop_nodes import LoopNodes
@@ -96,6 +97,7 @@ class Bridge:
         self._others = {
             name: NodeParameters(self._calls, name) for name in _NODES if name not in LOOP
         }
+        self._bodies = ShownBodies(node, lambda: self.outlet)
         self._store = Store(folder)
         self._jobs = Jobs(self._send)
         self._chain = Chain(
@@ -119,6 +121,7 @@ class Bridge:
             "rate_hz": self.loop.parameters["daq"].values.get("rate_hz"),
             "simulated": simulated,
             "nodes": nodes,
+            "solids": self._bodies.solids,
             **about_arm(self._rig, simulated=simulated),
         }
 

@@ -5,8 +5,8 @@ const SILENCE_MS = 2500;
 const HARDWARE = "use the hardware stop";
 
 /**
- * Events: `hello`, `state`, `parameters` (detail: the message), `samples` (detail: the buffer),
- * `closed` and `silent`. A connection that breaks is made again.
+ * Events: `hello`, `state`, `parameters`, `bodies`, `poses` (detail: the message), `samples`
+ * (detail: the buffer), `closed` and `silent`. A connection that breaks is made again.
  */
 export class Link extends EventTarget {
   #socket = null;

@@ -1,6 +1,7 @@
 // The page: joins the link to the views, and draws once a frame.
 
 import { ArmView } from "./arm.js";
+import { Bodies } from "./bodies.js";
 import { Chain, Jobs } from "./chain.js";
 import { byId, write } from "./dom.js";
 import { Parameters } from "./gains.js";
@@ -25,6 +26,8 @@ const link = new Link(
   token === null ? null : `${scheme}://${location.host}/stop${query}`,
   `${scheme}://${location.host}/drop${query ? `${query}&` : "?"}`,
 );
+
+const bodies = new Bodies();
 
 /** The laboratory as the page shows it; null before its greeting. */
 let room = null;
@@ -96,6 +99,7 @@ function wireUnits(units, { joints, inputs, outputs, tracked }) {
 }
 
 link.addEventListener("hello", ({ detail }) => {
+  bodies.build(detail.solids);
   if (room === null) {
     furnish(detail);
     return;
@@ -108,6 +112,8 @@ link.addEventListener("hello", ({ detail }) => {
     room.parameters.follow({ node, values });
   }
 });
+link.addEventListener("bodies", ({ detail }) => bodies.build(detail.solids));
+link.addEventListener("poses", ({ detail }) => bodies.move(detail.poses));
 link.addEventListener("samples", ({ detail }) => room?.ring.push(decode(detail)));
 link.addEventListener("parameters", ({ detail }) => room?.parameters.follow(detail));
 link.addEventListener("state", ({ detail: state }) => {
@@ -154,6 +160,7 @@ function frame(nowMs) {
       arm.showFigures(ring);
     }
     room.traces.draw(nowMs);
+    bodies.draw();
   }
   requestAnimationFrame(frame);
 }

@@ -123,7 +123,8 @@ class Controller:
 
 
 def made_bridge(rig: RigDescription, folder: Path) -> tuple[Bridge, Controller]:
-    bridge = Bridge(SimpleNamespace(), folder, rig, "")
+    node = SimpleNamespace(create_subscription=lambda *_: None)
+    bridge = Bridge(node, folder, rig, "")
     controller = Controller()
     bridge._calls = controller  # type: ignore[assignment]
     bridge.outlet = SimpleNamespace(send=lambda _: None, send_state=lambda: None)

@@ -89,7 +89,7 @@ class MujocoArm:
     """
 
     def __init__(self, settings: MujocoSettings, folder: Path) -> None:
-        self._mujoco = _engine()
+        self._mujoco = engine()
         # By default a file in the working folder gets them; `advance` reports what diverges.
         self._mujoco.set_mju_user_warning(lambda _: None)
         self.model = self._compiled(settings, folder)
@@ -196,7 +196,8 @@ class MujocoArm:
         return int(number)
 
 
-def _engine() -> Any:  # noqa: ANN401 - an optional module
+def engine() -> Any:  # noqa: ANN401 - an optional module
+    """Return MuJoCo; a RigError says how to install it."""
     try:
         return import_module("mujoco")
     except ImportError as error:
@@ -218,7 +219,7 @@ def _joints(spec: Any, names: Iterable[str], kind: str) -> list[str]:  # noqa: A
 
 def _add_motors(spec: Any, actuators: tuple[str, ...]) -> None:  # noqa: ANN401 - of the engine
     """Give joints a motor, as models of URDF files have none."""
-    mujoco = _engine()
+    mujoco = engine()
     for joint in _joints(spec, actuators, "motor"):
         spec.add_actuator(name=f"motor_{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
 

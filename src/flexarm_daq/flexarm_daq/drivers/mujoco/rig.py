@@ -8,6 +8,7 @@ import numpy as np
 
 from flexarm_core.signals import RigSample, steps_to
 from flexarm_daq.drivers.mujoco.arm import MujocoArm
+from flexarm_daq.drivers.mujoco.bodies import MujocoBodies
 from flexarm_daq.rigs.late_readings import LateReadings
 from flexarm_daq.rigs.rig_protocol import RigError
 
@@ -41,6 +42,8 @@ class MujocoRig:
         As given.
     clock : callable or None
         As given; it may be set before the rig is opened.
+    bodies : MujocoBodies
+        What the arm is made of, to be drawn.
 
     References
     ----------
@@ -55,6 +58,7 @@ class MujocoRig:
         self._folder = folder
         self.clock = clock
         self._arm: MujocoArm | None = None
+        self.bodies = MujocoBodies(lambda: self.arm)
 
     @property
     def has_virtual_time(self) -> bool:
