@@ -35,6 +35,6 @@ int32_t board_read(uint8_t output);
 void board_drive(uint8_t input, int16_t counts); /* 0 is no pulse at all */
 void board_enable(bool enabled);                 /* enable pin of the power stage */
 bool board_stop_is_pressed(void);
-void board_alive(void); /* within 30 ms, else the hardware watchdog resets the board */
+void board_alive(void); /* within 15 ms, else the hardware watchdog resets the board */
 
 #endif

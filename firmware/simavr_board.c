@@ -4,8 +4,8 @@
    Its time follows the clock. With a patience it also stands still, so long at most, for a host that owes its answer to a sample:
    on a busy machine the arm becomes slow, and loses no command.
    It prints `pty PATH`, then at each change of the output, by the board's clock, `drive US` or `zero US SILENCE`, with the
-   microseconds since the last byte that came. Lines that it reads: mark TEXT, reset, press, release, unplug, state,
-   turn RAD (a hand holds the hub there), free. */
+   microseconds since the last byte that came. Lines that it reads: mark TEXT, reset, hang (the program stands still, its
+   interrupts go on), press, release, unplug, state, turn RAD (a hand holds the hub there), free. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <math.h>
@@ -80,9 +80,11 @@ static void set_pin(int number, int level)
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('D'), number), level);
 }
 
+/* After a reset simavr takes a level that it knows already for no change. */
 static void idle_pins(void)
 {
-    set_pin(2, 1), set_pin(3, 1), set_pin(4, 1);
+    for (int number = 2; number <= 4; number++)
+        set_pin(number, 0), set_pin(number, 1);
 }
 
 /* Torque of the motor, N m: half a newton metre at the whole duty. */
@@ -146,12 +148,32 @@ static void begin_board(void)
     idle_pins();
 }
 
+/* Send the program into a loop without end, in the last word of the flash. */
+static void hang(void)
+{
+    avr->pc = avr->flashend - 1;
+    avr->flash[avr->pc] = 0xFF, avr->flash[avr->pc + 1] = 0xCF;
+}
+
+/* Run an instruction, which may be one of a reset by the watchdog. */
+static void run(void)
+{
+    avr_run_t before = avr->run;
+    int state = avr_run(avr);
+    if (state == cpu_Done || state == cpu_Crashed)
+        exit(3);
+    if (avr->run != before)
+        idle_pins();
+}
+
 static void obey(const char *line)
 {
     if (!strncmp(line, "mark ", 5))
         printf("%s %llu\n", line + 5, now_us());
     else if (!strcmp(line, "reset"))
         begin_board();
+    else if (!strcmp(line, "hang"))
+        hang();
     else if (!strcmp(line, "press"))
         set_pin(4, 0);
     else if (!strcmp(line, "release"))
@@ -239,11 +261,8 @@ int main(int count, char **arguments)
     int driven = 0;
     for (unsigned step = 0;; step++) {
         avr_cycle_count_t until = avr->cycle + STEP_US * CYCLES_PER_US;
-        while (avr->cycle < until) {
-            int state = avr_run(avr);
-            if (state == cpu_Done || state == cpu_Crashed)
-                return 3;
-        }
+        while (avr->cycle < until)
+            run();
         uint8_t byte;
         for (int each = 0; each < BYTES_PER_STEP && accepts && cable >= 0 && read(cable, &byte, 1) == 1; each++) {
             avr_raise_irq(uart + UART_IRQ_INPUT, byte);

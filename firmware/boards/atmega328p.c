@@ -56,7 +56,7 @@ void board_begin(void)
     lines = PIND & (_BV(PD2) | _BV(PD3));
     EICRA = _BV(ISC00) | _BV(ISC10);
     EIMSK = _BV(INT0) | _BV(INT1);
-    wdt_enable(WDTO_30MS);
+    wdt_enable(WDTO_15MS);
     sei();
 }
 

@@ -189,6 +189,21 @@ def test_board___reset_in_a_run___output_is_zero_and_the_run_ends(board: Simulat
     again.close()
 
 
+def test_board___whose_program_hangs___is_reset_by_its_watchdog(board: SimulatedBoard) -> None:
+    rig = opened(board.port)
+    loop = swinging(board, rig)
+    begun = board.lines
+    board.say("mark hangs")
+    board.say("hang")
+    with pytest.raises(RigError, match="was reset"):
+        list(loop)
+    assert zero_within(board, begun)[0] - int(board.reported("hangs", begun)[0]) < MOST_US
+    rig.close()
+    again = opened(board.port)
+    swinging(board, again)
+    again.close()
+
+
 def test_stop_button___pressed___is_latched_until_the_next_start(board: SimulatedBoard) -> None:
     rig = opened(board.port)
     loop = swinging(board, rig)
