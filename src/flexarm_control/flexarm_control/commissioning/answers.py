@@ -152,8 +152,8 @@ def judge_pulses(record: IoData, rig: RigDescription, joint: Joint) -> PulseAnsw
     Raises
     ------
     ArmFaultError
-        For a dead output, reversed wiring, wiring to another joint, a stuck joint, a loose gear, or
-        a sensor of the joint that is dead or reversed.
+        For pulses that are not whole, a dead output, reversed wiring, wiring to another joint, a
+        stuck joint, a loose gear, or a sensor of the joint that is dead or reversed.
     """
     u = record.u[:, record.inputs.index(joint.input)] - rig.input(joint.input).rest
     driven = np.flatnonzero(u)
@@ -165,8 +165,13 @@ def judge_pulses(record: IoData, rig: RigDescription, joint: Joint) -> PulseAnsw
     y, noise = record.y - record.y[:first].mean(axis=0), _noise(record.y[:first])
     # The pulse up of the last pair, which is the highest, and the one down behind it.
     rises = np.flatnonzero((u[1:] > 0.0) & (u[:-1] <= 0.0)) + 1
-    last_rise = int(rises[-1])
-    length = int(np.argmax(u[last_rise:] < 0.0))
+    last_rise = int(rises[-1]) if rises.size else len(u)
+    length = int(np.argmax(np.append(u[last_rise:] < 0.0, True)))
+    if last_rise + length >= len(u):
+        raise ArmFaultError(
+            f"the last pulse on {joint.input} is not in the record with both its halves: flexarm "
+            "status says what held the drive, doctor --realtime which rate the machine keeps"
+        )
     fall = last_rise + length
     angle = record.outputs.index(joint.angle)
     before = y[max(0, last_rise - length) : last_rise].mean(axis=0)

@@ -183,6 +183,22 @@ def test_play_between_motor_and_arm___is_a_loose_gear(angle_of: int, words: str)
         judge_pulses(pulsed(gear=Geared(0.03), angle_of=angle_of), rig(), rig().joints[0])
 
 
+@pytest.mark.parametrize("part", ["no rise", "no fall"])
+def test_pulses_that_are_not_whole___are_refused(part: str) -> None:
+    record = pulsed()
+    u = record.u[:, 0]
+    if part == "no rise":
+        kept = np.minimum(u, 0.0)
+    else:
+        last_fall = np.flatnonzero((u[1:] < 0.0) & (u[:-1] >= 0.0))[-1] + 1
+        kept = np.where(np.arange(len(u)) < last_fall, u, 0.0)
+
+    with pytest.raises(ArmFaultError, match="last pulse on torque is not in the record"):
+        judge_pulses(
+            replace(record, u=np.column_stack([kept, record.u[:, 1]])), rig(), rig().joints[0]
+        )
+
+
 def test_description_with_the_other_sign___takes_the_reversed_arm() -> None:
     joint = replace(rig().joints[0], sign=-1)
 
