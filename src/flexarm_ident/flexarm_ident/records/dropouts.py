@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
 
+# A slower sensor, such as a camera, holds its value at more steps than this.
+_HELD = 0.4
 # Equal samples up to which a stretch is a drop-out, and steps on either side that tell.
 _LONGEST, _SIDE = 20, 2
 # How much larger a jump is than the steps beside it, and in usual errors of a cubic through the
@@ -82,6 +84,8 @@ def _dropped(y: FloatArray) -> BoolArray:
 def _stretches(x: FloatArray, size: FloatArray, usual: float) -> BoolArray:
     """Mark the equal samples, two or more, that a jump ends, and for a level begins as well."""
     equal = size == 0.0
+    if equal.mean() > _HELD:
+        return np.zeros(len(x), dtype=np.bool_)
     holds = runs(equal)
     first, last = holds.T
     # A stretch needs two steps before the one that leads to it, and two behind that back.

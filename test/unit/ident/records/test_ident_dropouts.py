@@ -80,6 +80,12 @@ def test_preprocess___drop_outs___are_filled_from_their_neighbours() -> None:
     assert error.std() < 0.1 * (spoilt.y - whole.y)[:, 0].std()
 
 
+def frames(y: Array) -> Array:
+    """Return what a camera sends of a few fast moves: each third sample, with its noise."""
+    moves = np.cumsum(np.where(np.arange(len(y)) % 1000 < 30, 0.02, 0.0))[:, np.newaxis]
+    return np.asarray((moves + 1e-3 * y)[::3].repeat(3, axis=0)[: len(y)])
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -88,11 +94,22 @@ def test_preprocess___drop_outs___are_filled_from_their_neighbours() -> None:
         lambda y: y.round(1),
         lambda y: y.clip(-2.0, 2.0),
         lambda y: y[::2].repeat(2, axis=0),
+        frames,
         np.sign,
         lambda y: np.where(np.arange(len(y))[:, np.newaxis] % 800 < 400, 0.0, y),
         lambda y: 0.0 * y,
     ],
-    ids=["whole", "0.01", "0.1", "clipped", "half rate", "two levels", "rests", "constant"],
+    ids=[
+        "whole",
+        "0.01",
+        "0.1",
+        "clipped",
+        "half rate",
+        "frames",
+        "two levels",
+        "rests",
+        "constant",
+    ],
 )
 def test_without_dropouts___coarse_clipped_or_resting_outputs___are_left(
     change: Callable[[Array], Array],
