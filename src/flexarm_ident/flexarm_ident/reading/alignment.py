@@ -111,11 +111,6 @@ class Alignment:
     columns: Callable[[Recorded], Rows]
     wraps: tuple[Wrap, ...] = ()
 
-    def commanded(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
-        """Return inputs, with compensation, and outputs; rows of the grid."""
-        width = len(self.header.inputs)
-        return ((u[:, :width], y) for u, y in self._rows(pieces))
-
     def efforts(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
         """Return inputs, without compensation, and outputs; rows of the grid."""
         if not self.is_running:

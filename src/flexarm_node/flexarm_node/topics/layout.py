@@ -140,10 +140,6 @@ class Layout:
             found = found[:place] + found[place + 1 :]
         return self._values._make(found)
 
-    def named(self, *numbers: float) -> Numbers:
-        """Return the numbers of a message, in the order of the definition, by their names."""
-        return self._values._make(numbers)
-
     def numbers(self, message: object) -> Numbers | None:
         """Return the numbers of a message object; None when an array has another length."""
         found: list[float] = []
