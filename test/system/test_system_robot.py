@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import rclpy
+from std_msgs.msg import Float64
 
 from flexarm_daq.drivers.topics.inbox import TopicsSettings
 from flexarm_daq.drivers.topics.rig import TopicsRig
@@ -136,6 +138,21 @@ def test_robot___that_is_not_there___is_reported(domain: None) -> None:
     del domain
     with pytest.raises(RigError, match="nobody reads /effort_controller/commands"):
         TopicsRig(SETTINGS, 2).open()
+
+
+def test_robot___whose_controller_wants_something_else___is_reported_with_that(
+    domain: None,
+) -> None:
+    del domain
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        controller = rclpy.create_node("single_joint", context=context)
+        controller.create_subscription(Float64, SETTINGS.commands, lambda _: None, 1)
+        with pytest.raises(RigError, match=r"single_joint wants std_msgs/msg/Float64 \(volatile\)"):
+            TopicsRig(SETTINGS, 2).open()
+    finally:
+        rclpy.shutdown(context=context)
 
 
 @pytest.mark.exhaustive

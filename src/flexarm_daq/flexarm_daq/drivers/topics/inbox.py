@@ -27,6 +27,7 @@ FIELDS: Final[dict[str, tuple[str, ...]]] = {
     "float": ("data",),
 }
 """Fields of the messages beside the joint states."""
+_TOPIC = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 _OF_TOPIC = re.compile(r"(imu|wrench|float):([^:]+)(?::([^:]+))?")
 
 
@@ -69,7 +70,8 @@ class TopicsSettings:
     Raises
     ------
     SettingError
-        If an output is none of that, none of them is of a joint, or the age is not positive.
+        If an output is none of that, none of them is of a joint, a topic has no name of one, or the
+        age is not positive.
     """
 
     commands: str
@@ -85,6 +87,14 @@ class TopicsSettings:
                 "settings.outputs has no joint: the joint states are the samples of the rig, so "
                 "that one output is position:JOINT, velocity:JOINT or effort:JOINT"
             )
+        topics = {each.name: "outputs" for each in self.sources if each.kind in FIELDS}
+        topics |= {self.commands: "commands", self.joint_states: "joint_states"}
+        for topic, setting in topics.items():
+            if not _TOPIC.fullmatch(topic):
+                raise SettingError(
+                    f"settings.{setting}: {topic!r} is not the name of a topic: write letters, "
+                    "digits and _ between slashes, such as /effort_controller/commands"
+                )
 
     @property
     def sources(self) -> tuple[Source, ...]:

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
         def has_listener(self) -> bool:
             """Return whether anybody reads the commands."""
 
+        def other_reader(self) -> str:
+            """Return who reads their topic otherwise; empty where nobody does."""
+
         def command(self, values: Sequence[float]) -> None:
             """Send a command."""
 
@@ -110,9 +113,9 @@ class TopicsRig:
 
     def _begin(self, robot: Robot) -> None:
         if not robot.await_listener(_DISCOVERY_S):
+            remedy = "is the robot's effort controller active, in this ROS_DOMAIN_ID?"
             raise RigError(
-                f"nobody reads {self.settings.commands}: is the robot's effort controller active, "
-                "in this ROS_DOMAIN_ID?"
+                f"nobody reads {self.settings.commands}: {robot.other_reader() or remedy}"
             )
         robot.command([0.0] * self._inputs)
         self._inbox.sample(_DISCOVERY_S)

@@ -72,6 +72,17 @@ class RobotNode:
         """Return whether anybody reads the commands."""
         return bool(self._commands.get_subscription_count())
 
+    def other_reader(self) -> str:
+        """Return who reads the topic of the commands, and what it wants; empty without any."""
+        found = self._node.get_subscriptions_info_by_topic(self._commands.topic_name)
+        if not found:
+            return ""
+        kept = found[0].qos_profile.durability.name.lower()
+        return (
+            f"{found[0].node_name} wants {found[0].topic_type} ({kept}) on it, and the driver "
+            "sends std_msgs/msg/Float64MultiArray (volatile)"
+        )
+
     def command(self, values: Sequence[float]) -> None:
         """Publish a command."""
         self._commands.publish(Float64MultiArray(data=list(values)))

@@ -43,6 +43,14 @@ def test_settings___sources___are_read() -> None:
     )
 
 
+@pytest.mark.parametrize("topic", ["/effort controller/commands", "/2nd", "/a//b", "/a/", ""])
+def test_settings___topic_that_is_none___is_refused(topic: str) -> None:
+    with pytest.raises(SettingError, match=r"settings.commands: .* is not the name of a topic"):
+        TopicsSettings(topic, OUTPUTS)
+    with pytest.raises(SettingError, match=r"settings.joint_states: .* is not the name of a topic"):
+        TopicsSettings("commands", OUTPUTS, joint_states=topic)
+
+
 @pytest.mark.parametrize(
     ("outputs", "said"),
     [
@@ -51,6 +59,7 @@ def test_settings___sources___are_read() -> None:
         (("imu:/tip",), r"'imu:/tip' has no field.*: name one of angular_velocity.x"),
         (("wrench:/ft:force.w",), r"has no field \(nearest: force.[xyz]\)"),
         (("float:/strain",), "has no joint"),
+        (("position:elbow", "float:/a b"), r"settings.outputs: '/a b' is not the name of a topic"),
     ],
 )
 def test_settings___that_name_no_source___are_refused(outputs: tuple[str, ...], said: str) -> None:
@@ -142,6 +151,9 @@ class Robot:
 
     def has_listener(self) -> bool:
         return self.listens
+
+    def other_reader(self) -> str:
+        return ""
 
     def command(self, values: Sequence[float]) -> None:
         if self.is_left:
