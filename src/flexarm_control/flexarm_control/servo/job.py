@@ -334,6 +334,8 @@ def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray
     if source.friction is not None:
         levels = np.minimum(source.friction.levels, limits)
         speed[:, : source.model.nstates] = source.friction.speed
+    # A joint at rest has no speed, and an identified map takes a part of the position for it.
+    speed[:, :order] -= speed[:, :order] @ regulator.rest @ plant.C[list(regulator.tracked)]
     headings = speed[:, :order] @ ramp_state(regulator)
     plan = plan_for(regulator, limits, levels)
     moves = np.abs(headings) @ np.abs(steps) / plan.windows[0]

@@ -101,6 +101,20 @@ def test_step___measured_arm_whose_joints_pull_at_each_other___goes_and_stays() 
     assert max(overshoots) < 0.05
 
 
+def test_friction___speeds_that_take_a_part_of_the_position___are_none_at_rest() -> None:
+    request = ServoRequest(("hub1", "hub2"), {"torque1": 1.0, "torque2": 1.0}, bandwidth_hz=1.0)
+    unknown = np.zeros(2)
+    speed = np.array([[0.06, 0.02, 1.0, 0.0], [-0.03, 0.05, 0.0, 1.0]])
+    friction = DryFriction(np.array([0.05, 0.02]), unknown, unknown, unknown, speed)
+
+    gains = design_servo([Source("joints", two_joints(), friction)], request).gains
+
+    # A hub that turns freely rests anywhere, by no command.
+    anywhere = gains.rest @ np.array([[0.3, 1.0, -2.0], [0.5, 0.0, 1.0]])
+    np.testing.assert_allclose(gains.speed @ anywhere, 0.0, atol=1e-9)
+    np.testing.assert_allclose(gains.speed[:, 2:4], np.eye(2), atol=0.05)
+
+
 def test_perturbed___damped_pairs_that_cancel_each_other___stay() -> None:
     # Two of 2 and 2.2 Hz, 70 % damped, and a vibration of 5 Hz.
     speeds = [2.0 * np.pi * hz * complex(-zeta, np.sqrt(1.0 - zeta**2)) for hz, zeta in PAIRS]
