@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 # Steps of a search from one gain.
 _ITERATIONS, _TOLERANCE = 7, 2e-4
-# The weights of the outputs follow what is missed of them so often.
-_WEIGHTINGS = 3
+# The weights of the outputs follow what is missed of them so often, or until they hardly change.
+_WEIGHTINGS, _SETTLED = 6, 0.01
 # Rows in which a guided prediction settles.
 _SETTLING = 50
 _CHUNK = 1024
@@ -197,23 +197,32 @@ class GuidedError(ModalParameters):
             self.guide(theta, part)
         except (np.linalg.LinAlgError, ValueError):
             return Minimum(theta, np.inf, np.eye(len(theta)))
-        return self.minimised(theta, iterations=iterations, tolerance=_TOLERANCE)
+        return self._searched(theta, iterations)
 
-    def free_minimum(self, theta: FloatArray) -> Minimum:
+    def free_minimum(self, theta: FloatArray, *, holding: bool = False) -> Minimum:
         """Return the minimum without guidance, each output weighted by what is missed of it.
 
         That is the likelihood's weight of errors of unknown size, be they noise or what no linear
-        model has, such as the moving inertia of a second link.
+        model has, such as the moving inertia of a second link. An output that drifts at the start
+        weighs so little that it may go on drifting: `holding` begins with the present weights.
         """
         self.guide(theta, 0.0)
         found = Minimum(self.allowed(self.integrate(theta)), np.inf, np.eye(len(theta)))
-        for _ in range(_WEIGHTINGS):
+        if holding:
+            found = self._searched(found.theta)
+        for number in range(_WEIGHTINGS):
+            former = self.weight
             with np.errstate(over="ignore", invalid="ignore"):
                 self.weight = 1.0 / np.sqrt(np.mean(self.errors(found.theta) ** 2, axis=0))
             if not np.isfinite(self.weight).all() or not self.weight.all():
                 break
-            found = self.minimised(found.theta, iterations=_ITERATIONS, tolerance=_TOLERANCE)
+            if number and np.allclose(self.weight, former, rtol=_SETTLED):
+                break
+            found = self._searched(found.theta)
         return found
+
+    def _searched(self, theta: FloatArray, iterations: int = _ITERATIONS) -> Minimum:
+        return self.minimised(theta, iterations=iterations, tolerance=_TOLERANCE)
 
     def misfit(self, theta: FloatArray) -> float:
         """Return the sum of the logarithms of what the free simulation misses of each output."""

@@ -44,11 +44,14 @@ _SHORT, _SHORT_SAMPLES = 1e-4, 8000
 _COMPARED, _COMPARED_SAMPLES = 2, 4000
 _FIRST_ITERATIONS = 15
 # A higher order is for a cost that is lower by this factor; the search among orders ends after as
-# many that are not, and tries as many starts.
-_WORTH, _TRIED = 2.0, 2
+# many that are not, and tries as many starts. It goes on for twice as many while the prediction
+# misses more than this, in units of what the past does not tell: a delay takes states of its own.
+_WORTH, _TRIED, _MISSED = 2.0, 2, 1.5
 _PAST = 20
 # Prediction errors that end the search, in units of what the past does not tell.
 _LOST = 10.0
+# Spread, over the outputs, of the logarithm of what is missed beyond that.
+_DRIFTS = np.log(10.0)
 # Part of the record that chooses; the rest judges.
 _LEADING = 0.6
 
@@ -189,7 +192,8 @@ def _compared(
             found.append(min(tried, key=lambda each: each.cost))
         idle = 0 if cost < least / _WORTH else idle + 1
         least = min(least, cost)
-        if idle >= _TRIED and least < _LOST**2 * short.y.size:
+        missed = (least / short.y.size) ** 0.5
+        if idle >= (_TRIED if missed < _MISSED else 2 * _TRIED) and missed < _LOST:
             break
     return sorted(found, key=lambda each: (max(each.cost, _WORTH * least), each.problem.n))
 
@@ -209,10 +213,16 @@ def _freed(start: _Found, leading: IoData, report: Callable[[], None]) -> _Found
             best = _Found(problem, minimum, misfit)
         if not minimum.cost <= _LOST**2 * samples:
             break
-    found = problem.free_minimum(best.minimum.theta)
+    weight, ends = problem.weight, [best]
+    for holding in (False, True):
+        problem.weight = weight
+        found = problem.free_minimum(best.minimum.theta, holding=holding)
+        ends.append(_Found(problem, found, problem.misfit(found.theta)))
+        # Nothing holds a hub that drifts, beside outputs at their noise.
+        if np.ptp(np.log(problem.weight / weight)) < _DRIFTS:
+            break
     report()
-    misfit = problem.misfit(found.theta)
-    return _Found(problem, found, misfit) if misfit < best.cost else best
+    return min(ends, key=lambda end: end.cost)
 
 
 def _own_start(

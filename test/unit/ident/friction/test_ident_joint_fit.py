@@ -25,6 +25,7 @@ from flexarm_ident.models.files import save_model
 from flexarm_ident.models.state_space import state_space
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     import control
@@ -141,13 +142,13 @@ def _linear(record: IoData, order: int) -> tuple[control.StateSpace, FloatArray]
     return found.model, found.x0[0]
 
 
-def _fitted(record: IoData) -> JointFit:
+def _fitted(record: IoData, orders: Sequence[int] = (2, 4, 6)) -> JointFit:
     """Return the fit from starts of several orders."""
     drives = joints([record])
     assert drives is not None
     assert [drive.output for drive in drives] == ["encoder"]
     net = net_record(record, estimate_coulomb(record, drives))
-    starts = [[_linear(each, order) for each in (net, record)] for order in (2, 4, 6)]
+    starts = [[_linear(each, order) for each in (net, record)] for order in orders]
     fit = fit_joints(starts[0][1][0], starts, record, drives, np.array([0.8 * LEVEL]))
     assert fit is not None
     return fit
@@ -163,6 +164,27 @@ def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -
     assert abs(fit.friction.levels[0] - LEVEL) < 2.0 * deviation < 0.1 * LEVEL
     assert np.all(fit.error < 3.0 * 0.0015)
     assert np.abs(np.linalg.eigvals(fit.model.A)).max() <= 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.exhaustive
+def test_start_whose_encoder_drifts___fit___simulates_to_the_noise() -> None:
+    fit = _fitted(_record(12_000), orders=(6,))
+
+    assert fit.friction.levels[0] == pytest.approx(LEVEL, rel=0.01)
+    assert np.all(fit.error < 3.0 * 0.0015)
+
+
+@pytest.mark.slow
+@pytest.mark.exhaustive
+def test_command_that_acts_a_sample_late___fit___takes_the_order_that_it_needs() -> None:
+    record = _record(12_000)
+    late = replace(record, u=np.vstack([record.u[1:], np.zeros((1, 1))]))
+
+    fit = _fitted(late, orders=range(4, 18, 2))
+
+    assert fit.friction.levels[0] == pytest.approx(LEVEL, rel=0.01)
+    assert np.all(fit.error < 3.0 * 0.0015)
 
 
 @pytest.mark.slow
