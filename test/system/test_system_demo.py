@@ -13,6 +13,7 @@ from flexarm_bringup.verbs.simulated.run_settings import RunSettings
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident.provenance import samples_hash
+from support.exhaustive import first_of
 from support.looking_on import looked_on
 from support.system_graph import ROOT, eventually
 
@@ -111,9 +112,7 @@ def in_one_process(folder: Path, *, payload_kg: float, seed: int) -> list[str]:
     return [samples_hash(each.reading.data) for each in records]
 
 
-@pytest.mark.parametrize(
-    "moment", ["Starting the nodes", pytest.param("Identifying", marks=pytest.mark.exhaustive)]
-)
+@pytest.mark.parametrize("moment", first_of(["Starting the nodes", "Identifying"]))
 def test_demo___interrupted___leaves_no_process_and_no_bag(
     graph: Graph, tmp_path: Path, moment: str
 ) -> None:

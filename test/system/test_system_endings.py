@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from support.exhaustive import first_of
 from support.logging_rig import LoggingRig
 from support.system_graph import ROOT, Graph, eventually, executable, ros_arguments
 
@@ -144,14 +145,7 @@ def test_daq___that_nobody_reads___goes_on_and_leaves_zero(
     assert rig.outputs_v[-1] == 0.0
 
 
-@pytest.mark.parametrize(
-    "end",
-    [
-        signal.SIGTERM,
-        pytest.param(signal.SIGKILL, marks=pytest.mark.exhaustive),
-        pytest.param(signal.SIGHUP, marks=pytest.mark.exhaustive),
-    ],
-)
+@pytest.mark.parametrize("end", first_of([signal.SIGTERM, signal.SIGKILL, signal.SIGHUP]))
 def test_launcher___that_ends___takes_drive_to_zero_and_nodes_with_it(
     graph: Graph, rig: LoggingRig, end: signal.Signals
 ) -> None:
@@ -205,7 +199,7 @@ def test_thread___that_started_a_node_and_ends___does_not_end_it(
     assert rig.outputs_v[-1] == 0.0
 
 
-@pytest.mark.parametrize("detach", ["nohup", pytest.param("setsid", marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("detach", first_of(["nohup", "setsid"]))
 def test_node___that_was_detached___goes_on_without_its_shell(
     commanded: Graph, rig: LoggingRig, detach: str
 ) -> None:
@@ -232,14 +226,7 @@ def test_node___that_was_detached___goes_on_without_its_shell(
     assert rig.outputs_v[-1] == 0.0
 
 
-@pytest.mark.parametrize(
-    "end",
-    [
-        pytest.param(signal.SIGHUP, marks=pytest.mark.exhaustive),
-        pytest.param(signal.SIGTERM, marks=pytest.mark.exhaustive),
-        signal.SIGKILL,
-    ],
-)
+@pytest.mark.parametrize("end", first_of([signal.SIGKILL, signal.SIGHUP, signal.SIGTERM]))
 def test_up___that_ends___leaves_zero_on_the_output(
     graph: Graph, rig: LoggingRig, tmp_path: Path, end: signal.Signals
 ) -> None:

@@ -21,6 +21,7 @@ from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns
 from support.bag_samples import START_NS, reference, write_bag
+from support.exhaustive import first_of
 from support.system_graph import PACKAGES, Graph, executable
 
 if TYPE_CHECKING:
@@ -158,7 +159,7 @@ def test_controller_on_the_topic___says_its_set_point_and_that_samples_have_stop
     assert reports[0] == "active: no samples any more: is the DAQ node active?"
 
 
-@pytest.mark.parametrize("name", ["daq", pytest.param("controller", marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("name", first_of(["daq", "controller"]))
 def test_managed_node___goes_through_its_states_twice(graph: Graph, name: str) -> None:
     # The other end of the loop, so that nobody waits for it.
     graph.node.create_subscription(MotorCommand, "command", lambda _: None, qos.NEWEST)
@@ -178,10 +179,7 @@ def test_managed_node___goes_through_its_states_twice(graph: Graph, name: str) -
 
 @pytest.mark.parametrize(
     ("name", "topic", "kind"),
-    [
-        ("daq", "state", ArmState),
-        pytest.param("controller", "command", MotorCommand, marks=pytest.mark.exhaustive),
-    ],
+    first_of([("daq", "state", ArmState), ("controller", "command", MotorCommand)]),
 )
 def test_activation___waits_for_as_many_readers_as_it_is_asked(
     graph: Graph, name: str, topic: str, kind: type

@@ -9,6 +9,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
+from support.exhaustive import first_of
 from support.system_graph import PACKAGES, Graph
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ def test_misspelt_safety_limit_in_a_file___is_refused_with_the_nearest_name(
     )
 
 
-@pytest.mark.parametrize("word", ["off", pytest.param("on", marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("word", first_of(["off", "on"]))
 def test_word_of_which_yaml_has_made_a_boolean___is_the_word_again(
     graph: Graph, tmp_path: Path, word: str
 ) -> None:

@@ -173,32 +173,20 @@ def test_commands___that_answer_old_samples___drive_nothing(board: SimulatedBoar
     rig.close()
 
 
-def test_board___reset_in_a_run___output_is_zero_and_the_run_ends(board: SimulatedBoard) -> None:
+@pytest.mark.parametrize("fault", ["reset", "hang"])
+def test_board___reset_in_a_run_or_by_its_watchdog___output_is_zero_and_the_run_ends(
+    board: SimulatedBoard, fault: str
+) -> None:
     rig = opened(board.port)
     loop = swinging(board, rig)
     begun = board.lines
-    board.say("mark reset_at")
-    board.say("reset")
+    board.say("mark begins")
+    board.say(fault)
     with pytest.raises(RigError, match="was reset"):
         list(loop)
-    assert zero_within(board, begun)[0] - int(board.reported("reset_at", begun)[0]) < MOST_US
+    assert zero_within(board, begun)[0] - int(board.reported("begins", begun)[0]) < MOST_US
     rig.close()
     # The operator activates again.
-    again = opened(board.port)
-    swinging(board, again)
-    again.close()
-
-
-def test_board___whose_program_hangs___is_reset_by_its_watchdog(board: SimulatedBoard) -> None:
-    rig = opened(board.port)
-    loop = swinging(board, rig)
-    begun = board.lines
-    board.say("mark hangs")
-    board.say("hang")
-    with pytest.raises(RigError, match="was reset"):
-        list(loop)
-    assert zero_within(board, begun)[0] - int(board.reported("hangs", begun)[0]) < MOST_US
-    rig.close()
     again = opened(board.port)
     swinging(board, again)
     again.close()

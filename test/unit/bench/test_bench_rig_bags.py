@@ -16,11 +16,7 @@ pytestmark = pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "figures"),
     [
-        pytest.param(
-            "loop.rig",
-            ("times_real_time", "sampled_times_real_time"),
-            marks=pytest.mark.exhaustive,
-        ),
+        ("loop.rig", ("times_real_time", "sampled_times_real_time")),
         ("bags.bags", ("ratio_to_anyreader", "read_bag_messages_per_s", "read_bag_40_s_bag_s")),
     ],
 )

@@ -82,7 +82,7 @@ def test_fit___no_start_beats_the_other_model___ends_after_the_first_of_them(
 @pytest.mark.parametrize(
     ("levels", "skip", "samples"),
     # Cut while a joint turns with 0.9 rad/s and more.
-    [(ONE, 830, 3000), pytest.param(TWO, 660, 1500, marks=pytest.mark.exhaustive)],
+    [(ONE, 830, 3000), (TWO, 660, 1500)],
 )
 @pytest.mark.exhaustive
 def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(

@@ -63,7 +63,7 @@ def test_stiffness___of_two_hubs___is_looked_at_again_when_one_is_free(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.exhaustive
 def test_fit___joint_without_a_cable___does_not_grow(seed: int) -> None:
     fit = fit_arm(driven_arm(0.3, seed=seed, samples=3000), DRIVES)
