@@ -28,8 +28,7 @@ from flexarm_control.servo.controller import Servo
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
 from flexarm_control.servo.regulator import loop_plant
 from flexarm_control.servo.robustness import loop_margin
-from flexarm_control.shaping.shaped_law import ShapedLaw
-from flexarm_control.shaping.vibrations import nominal_vibrations
+from flexarm_control.shaping.shaped_law import ShapedLaw, nominal_vibrations
 from flexarm_daq import RigParameters
 from flexarm_ident.friction.dry_friction import DryFriction
 from reproduction.framework.rig import RATE_HZ, STEP_S, step_to

@@ -16,9 +16,8 @@ import numpy as np
 from bench.tools import count_option, json_option, make_table, run_trials, write_json, write_table
 from flexarm_bringup.console import terminal
 from flexarm_control import LAWS, build_law, step_figures
-from flexarm_control.shaping.shaped_law import ShapedLaw
+from flexarm_control.shaping.shaped_law import ShapedLaw, nominal_vibrations
 from flexarm_control.shaping.shapers import NONE, SHAPERS
-from flexarm_control.shaping.vibrations import nominal_vibrations
 from flexarm_daq import RigParameters
 from reproduction.framework.rig import RATE_HZ, STEP_S, step_to
 

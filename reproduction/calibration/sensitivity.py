@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_control.design.criteria import itae, step_itae
-from flexarm_control.design.step_response import pdp_step_response
+from flexarm_control.design.tuning import pdp_step_response
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from reproduction.calibration.figures import RUNS_AWAY, SLACK, figures_of, parts

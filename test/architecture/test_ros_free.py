@@ -39,10 +39,9 @@ CONNECTING = {
         for name in ("bodies", "bridge", "loop_nodes", "node_parameters", "samples")
     ),
     "flexarm_control.trajectory_action",
-    "flexarm_daq.nodes.body_topics",
+    "flexarm_daq.nodes.topic_link",
     "flexarm_daq.nodes.recorded_topics",
     "flexarm_daq.nodes.rig_choice",
-    "flexarm_daq.nodes.topic_link",
 }
 """Modules that talk to ROS, beside the nodes themselves."""
 

@@ -17,9 +17,8 @@ from flexarm_control.models.chosen_model import PREFIX, chosen_model
 from flexarm_control.planning.move import MoveSettings
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.sample_rate import suits
-from flexarm_control.shaping.shaped_law import ShapedLaw
+from flexarm_control.shaping.shaped_law import ShapedLaw, model_vibrations, nominal_vibrations
 from flexarm_control.shaping.shapers import NONE, SHAPERS
-from flexarm_control.shaping.vibrations import model_vibrations, nominal_vibrations
 from flexarm_core.errors import SettingError
 from flexarm_core.tables import read_table
 

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.friction.levels import estimate_coulomb
     from flexarm_ident.models.files import load_model, save_model
-    from flexarm_ident.models.mode_shapes import ModeShape, mode_shapes
-    from flexarm_ident.models.modes import RankTable, rank_table
+    from flexarm_ident.models.modes import ModeShape, RankTable, mode_shapes, rank_table
     from flexarm_ident.reading.channels import Selection, selection
     from flexarm_ident.reading.read import read_bag, read_bag_report, read_channels
     from flexarm_ident.records.columns import from_columns, to_columns

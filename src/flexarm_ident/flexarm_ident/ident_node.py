@@ -47,9 +47,9 @@ if TYPE_CHECKING:
     from rclpy.timer import Timer
 
     from flexarm_core.arrays import Progress
+    from flexarm_ident.job import Results
     from flexarm_ident.models.modes import Mode
     from flexarm_ident.reading.channels import Selection
-    from flexarm_ident.workflow.results import Results
 
     Asked: TypeAlias = "Identify.Request | IdentifyBags.Goal"
     Answer: TypeAlias = "Identify.Response | IdentifyBags.Result"

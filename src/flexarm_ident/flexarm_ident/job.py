@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 import tempfile
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_core.errors import DataError
 from flexarm_core.outputs import HEAD_BYTES, is_replaceable, require_place
 from flexarm_ident.fitting.blas import one_thread
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.friction.dry_friction import friction_fields
 from flexarm_ident.importing.csv_columns import TableColumns
 from flexarm_ident.importing.csv_layout import is_table
@@ -30,7 +31,6 @@ from flexarm_ident.reading.read import (
 from flexarm_ident.records.span import EVERYTHING, Span
 from flexarm_ident.report.content.blocks import Subject
 from flexarm_ident.report.page import render_report
-from flexarm_ident.workflow.results import Results
 from flexarm_ident.workflow.stages import run
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
     Chosen = Selection | CsvMap | TableColumns | None
     Read = Callable[[Path, Request, Chosen, Span], Source]
+    from flexarm_core.arrays import FloatArray
 
 LARGEST_IN_MEMORY = 1_000_000
 """Samples of a bag from which it is read in pieces, each time it is gone through."""
@@ -356,3 +357,64 @@ def _commit(staging: Path, folder: Path) -> None:
             stale.unlink(missing_ok=True)
     for file in staging.iterdir():
         file.replace(folder / file.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """An identified model and its folder.
+
+    Attributes
+    ----------
+    name : str
+        Name of the model.
+    folder : Path
+        Folder of the files.
+    outcome : Outcome
+        The identification.
+    parameters : dict
+        The model as flat parameters `models.<name>.*`.
+    """
+
+    name: str
+    folder: Path
+    outcome: Outcome
+    parameters: dict[str, ParameterValue]
+
+    @property
+    def dmv(self) -> tuple[float, ...]:
+        """Data matching errors (2-25) of the outputs, and their mean."""
+        return _with_mean(self.outcome.dmv_errors)
+
+    @property
+    def left_out(self) -> tuple[float, ...]:
+        """Errors on blocks that were left out of the fit, likewise; empty where there are none."""
+        found = self.outcome.cross_validation
+        return () if found is None else _with_mean(found.error)
+
+    @property
+    def frequency_std_hz(self) -> tuple[float, ...]:
+        """Standard deviations of the modes' frequencies, where the errors are noise."""
+        known = self.outcome.identification.known_deviations
+        return tuple(each.frequency_std_hz for each in known)
+
+    @property
+    def sfv(self) -> tuple[float, ...]:
+        """Set-point following errors, likewise; empty without a recorded reference."""
+        found = self.outcome.sfv
+        return () if found is None else _with_mean(found.error)
+
+    def text(self, elapsed_s: float) -> str:
+        """Return the identification in one line, with the time that it took."""
+        outcome = self.outcome
+        order, states = outcome.identification.order, outcome.model.nstates
+        return (
+            f"{outcome.verdict} {self.name}: order {order}"
+            + (f" reduced to {states}" if states < order else "")
+            + (" with dry friction" if outcome.friction else "")
+            + f", relative error {self.dmv[-1]:.4f} (DMV), {elapsed_s:.1f} s"
+            + (f"; {outcome.identification.choice}" if outcome.identification.choice else "")
+        )
+
+
+def _with_mean(errors: FloatArray) -> tuple[float, ...]:
+    return (*errors.tolist(), mean_error(errors))

@@ -19,9 +19,8 @@ from flexarm_core.own_files import user_path
 from flexarm_core.rig_description import load_rig
 from flexarm_core.tables import read_table
 from flexarm_daq.nodes.recorded_topics import IN_FORCE, TOPICS, recorded_topics
-from flexarm_live.serving.arm_frames import FRAMES_TYPE, TEXT_TYPE, ArmFrames
+from flexarm_live.serving.arm_frames import FRAMES_TYPE, TEXT_TYPE, ArmFrames, urdf_of
 from flexarm_live.serving.foxglove_server import ADDRESS, FoxgloveServer
-from flexarm_live.serving.urdf import urdf_of
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import give_way, run

@@ -10,10 +10,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype
 
 from flexarm_bags.check import check_bag
-from flexarm_bags.definitions import Definitions, definition_hash
 from flexarm_bags.reader import opened
 from flexarm_bags.records.columns import CdrError, members
-from flexarm_bags.repair import repair_bag
+from flexarm_bags.repair import Definitions, definition_hash, repair_bag
 from flexarm_bags.schema import describe, load_typestore
 from support.bag_samples import (
     controlled_run,

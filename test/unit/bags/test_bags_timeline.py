@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexarm_bags.check import check_bag
-from flexarm_bags.timeline import clock_problems, number_problems, restarts
+from flexarm_bags.content import clock_problems, number_problems, restarts
 from support.bag_samples import (
     START_NS,
     STEP_NS,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_bags.check import check_bag
-from flexarm_bags.timeline import taking_turns
+from flexarm_bags.content import taking_turns
 from support.bag_samples import START_NS, STEP_NS, arm_state, commander_info, motor_command
 from support.bag_samples import write_bag as written
 

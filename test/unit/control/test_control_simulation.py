@@ -19,7 +19,7 @@ from flexarm_control import (
     nominal_model,
     simulate_loop,
 )
-from flexarm_control.design.step_response import pdp_step_response, pi_step_response
+from flexarm_control.design.tuning import pdp_step_response, pi_step_response
 from flexarm_control.models.arm_model import delayed
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from flexarm_bringup.graph.arm_client import through
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.socket_client import NoAnswerError, socket_client
-from flexarm_bringup.watch.history import History
-from flexarm_bringup.watch.screen import GONE, Units
+from flexarm_bringup.watch.screen import GONE, History, Units
 from flexarm_core.errors import FlexarmError, one_line
 
 if TYPE_CHECKING:

@@ -1,17 +1,16 @@
-"""Screen of a running arm as pieces of text: state, loop and traces."""
+"""Screen of a running arm as pieces of text: state, loop, and traces of its history."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flexarm_bringup.watch.history import Band
 from flexarm_core.labels import label_and_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-    from flexarm_bringup.watch.history import History
 
 _COLUMNS_A_CHARACTER = 2
 """Of the Braille dots of a sparkline."""
@@ -29,6 +28,10 @@ _LABEL_WIDTH = 26
 _SCALE_WIDTH = 8
 _LEAST_SPAN_V = 0.1
 """Sensor noise shall not fill a trace."""
+COLUMN_S = 0.1
+_MOST_COLUMNS = 1000
+_CLOCK_S = 1e-6
+"""Stamps are sums of rounded periods."""
 
 
 class Piece(NamedTuple):
@@ -214,3 +217,63 @@ def sparkline(bands: Sequence[Band], scale: Band, rows: int) -> list[str]:
         for level in range(depth(band.high), depth(band.low) + 1):
             cells[level // _LEVELS][place] |= _DOTS[side][level % _LEVELS]
     return ["".join(map(chr, row)) for row in cells]
+
+
+class Band(NamedTuple):
+    """Smallest and largest value of a channel; NaN where there is none."""
+
+    low: float
+    high: float
+
+
+NO_BAND = Band(math.nan, math.nan)
+
+
+class History:
+    """Bands of the channels, oldest first; a vibration keeps its width however it is sampled.
+
+    Attributes
+    ----------
+    newest : dict of str to float
+        Values of the newest sample.
+    """
+
+    def __init__(self) -> None:
+        self.newest: dict[str, float] = {}
+        self._number: int | None = None
+        self._columns: deque[dict[str, Band]] = deque(maxlen=_MOST_COLUMNS)
+
+    def add(self, times_s: Sequence[float], values: Mapping[str, Sequence[float | None]]) -> None:
+        """Add samples in the order of their instants; a clock that goes back begins anew."""
+        for row, time_s in enumerate(times_s):
+            sample = {
+                name: math.nan if (value := column[row]) is None else value
+                for name, column in values.items()
+            }
+            self._move_to(math.floor((time_s + _CLOCK_S) / COLUMN_S))
+            column = self._columns[-1]
+            for name, value in sample.items():
+                column[name] = _wider(column.get(name, NO_BAND), value)
+            self.newest = sample
+
+    def bands(self, name: str, most: int) -> list[Band]:
+        """Return the newest bands of a channel."""
+        columns = islice(self._columns, max(0, len(self._columns) - most), None)
+        return [column.get(name, NO_BAND) for column in columns]
+
+    def _move_to(self, number: int) -> None:
+        """Make the column of a number the last one, after empty ones where samples are missing."""
+        before = self._number
+        if before is None or number < before:
+            self._columns.clear()
+            before = number - 1
+        self._columns.extend({} for _ in range(min(number - before, _MOST_COLUMNS)))
+        self._number = number
+
+
+def _wider(band: Band, value: float) -> Band:
+    if math.isnan(value):
+        return band
+    if math.isnan(band.low):
+        return Band(value, value)
+    return Band(min(band.low, value), max(band.high, value))

@@ -1,8 +1,17 @@
-"""Registry of the control laws: one row for each, the only list of them but for the user's own."""
+"""Registry of the control laws: one row for each, the only list of them but for the user's own.
+
+A file of the user's, named by the environment variable FLEXARM_LAWS, has a tuple `LAWS` of
+`LawSpec` rows. All processes of flexarm have them beside its own: nodes, verbs, the page, and the
+replay of a record.
+"""
 
 from __future__ import annotations
 
+import math
+import os
+import re
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +34,6 @@ from flexarm_control.laws.lqg import (
     design_lqg,
     packaged_designs,
 )
-from flexarm_control.laws.own_laws import FILES, own_laws
 from flexarm_control.laws.payload import PayloadDetection, PayloadEstimate, PayloadSensing
 from flexarm_control.laws.pdpc import Pd, Pdp, Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest, RestThresholds
@@ -40,6 +48,7 @@ from flexarm_control.planning.flat_arm import ArmFigures
 from flexarm_control.planning.friction_observer import FrictionSensing
 from flexarm_control.planning.move import MoveSettings
 from flexarm_core.errors import SettingError
+from flexarm_core.own_modules import error_text, failed_line, own_module
 from flexarm_core.specs import (
     Bounded,
     ParameterSpec,
@@ -49,11 +58,18 @@ from flexarm_core.specs import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     import control
 
     from flexarm_control.laws.law_protocol import LawWithMemory
+
+FILES = "FLEXARM_LAWS"
+"""Environment variable: Python files with laws, separated as those of PATH."""
+_NAME = re.compile("[a-z][a-z0-9_]*")
+_MODELS = "models"
+_METHODS = ("step", "reset", "memory", "remember")
+_AT_REST_V = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -292,8 +308,75 @@ def _designed(
     return stabilising_design(design, model, weights)
 
 
+def own_laws(known: Sequence[str]) -> tuple[LawSpec, ...]:
+    """Return the rows of the user's laws, each tried once at rest.
+
+    Parameters
+    ----------
+    known : sequence of str
+        Names that are taken.
+
+    Raises
+    ------
+    SettingError
+        When a file cannot be read, or has a row that is not a law or whose name is taken.
+    """
+    files = [each for each in os.environ.get(FILES, "").split(os.pathsep) if each]
+    found: dict[str, LawSpec] = {}
+    for file in files:
+        for each in _rows(file):
+            if each.name in {*known, *found, _MODELS}:
+                raise SettingError(
+                    f"{FILES}: {file}: law {each.name!r}: the name is taken: choose another one"
+                )
+            if not _NAME.fullmatch(each.name):
+                raise SettingError(
+                    f"{FILES}: {file}: law {each.name!r}: a name is a word in small letters"
+                )
+            _try_out(file, each)
+            found[each.name] = each
+    return tuple(found.values())
+
+
+def _rows(file: str) -> Iterator[LawSpec]:
+    """Yield the rows of a file."""
+    rows = getattr(own_module(Path(file), FILES), "LAWS", ())
+    if not rows or not all(isinstance(each, LawSpec) for each in rows):
+        raise SettingError(
+            f"{FILES}: {file}: it has no tuple LAWS of LawSpec rows (docs/howto/own_law.md)"
+        )
+    yield from rows
+
+
+def _try_out(file: str, row: LawSpec) -> None:
+    """Refuse a law that does not answer a sample at rest; one that needs a model is left alone."""
+    if row.design is not None:
+        return
+    start = f"{FILES}: {file}: law {row.name}"
+    try:
+        law = row.build(*(kind() for kind in row.settings))
+        lacking = [name for name in _METHODS if not callable(getattr(law, name, None))]
+        if not lacking:
+            _answer_at_rest(law)
+    except Exception as error:
+        where = failed_line(error, Path(file))
+        raise SettingError(
+            f"{start} does not answer at rest{where}: {error_text(error)}"
+        ) from error
+    if lacking:
+        raise SettingError(f"{start} has no method {', '.join(lacking)}")
+
+
+def _answer_at_rest(law: Any) -> None:  # noqa: ANN401 - it may be none
+    law.reset()
+    law.remember(law.memory())
+    effort_v, compensation_v = law.step(_AT_REST_V, 0.0)
+    if not math.isfinite(effort_v + compensation_v):
+        raise ValueError(f"{effort_v} V of effort and {compensation_v} V of compensation")
+
+
 # At the end: the files of the user's laws take what is above from here.
 #: Every law by the name it has as a ROS parameter, those of the user last.
 LAWS: Mapping[str, LawSpec] = MappingProxyType(
-    {row.name: row for row in (*_ROWS, *own_laws(LawSpec, [row.name for row in _ROWS]))}
+    {row.name: row for row in (*_ROWS, *own_laws([row.name for row in _ROWS]))}
 )

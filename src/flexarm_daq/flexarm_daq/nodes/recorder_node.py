@@ -28,7 +28,6 @@ from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import SettingError
 from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
-from flexarm_daq.nodes.last_messages import LastMessages
 from flexarm_daq.nodes.recorded_topics import (
     IN_FORCE,
     TOPICS,
@@ -36,7 +35,7 @@ from flexarm_daq.nodes.recorded_topics import (
     offered_qos,
     recorded_topics,
 )
-from flexarm_daq.nodes.recording import Recording
+from flexarm_daq.nodes.recording import LastMessages, Recording
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import math
 import time
-from typing import TYPE_CHECKING
+from array import array
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Float32MultiArray, String
 
+from flexarm_core.channels import CHANNELS, COMMAND, DRIVE_A_PER_V, is_thesis_arm
 from flexarm_core.signals import Sample
-from flexarm_daq.nodes.body_topics import BodyTopics
-from flexarm_daq.nodes.joint_view import joint_view
+from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB, bend_angles
+from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_daq.rigs.rig_protocol import bodies_of
 from flexarm_msgs.msg import ChannelInfo
 from flexarm_node import qos
 from flexarm_node.node_time import beside_steady_clock
@@ -20,11 +25,14 @@ from flexarm_node.topics.handover import CommandWaiter
 from flexarm_node.topics.waiting import TopicWaiter, await_acknowledged, node_names, wait_until
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rclpy.publisher import Publisher
 
+    from flexarm_core.rig_description import RigDescription
     from flexarm_core.signals import Command
     from flexarm_daq.loop.exchange import Record
-    from flexarm_daq.rigs.rig_protocol import Rig
+    from flexarm_daq.rigs.rig_protocol import Bodies, Rig
     from flexarm_node.loop_node import LoopNode
     from flexarm_node.topics.handover import DirectHandover
 
@@ -34,6 +42,7 @@ _BACKLOG = 2000
 """Samples that a reader may be behind in virtual time: less than it holds."""
 _SHARED_REPORTS = 3
 """Reports, one a second, after which another publisher of the time is one that stays."""
+_POSES_HZ = 20.0
 
 
 class TopicLink:
@@ -239,3 +248,110 @@ class TopicLink:
         set_stamp(info.header.stamp, self._node.time.now_ns())
         self._channels.publish(info)
         self._description.publish(String(data=rig.text))
+
+
+class BodyTopics:
+    """Topics `bodies` and `body_poses`, silent for a rig without bodies.
+
+    A pose is a row of seven numbers, as of `Bodies.poses`: as `geometry_msgs/PoseArray` it would
+    take ten times as long, in the thread that samples.
+
+    Parameters
+    ----------
+    node : LoopNode
+        Owner of the topics.
+    """
+
+    def __init__(self, node: LoopNode) -> None:
+        self._node = node
+        self._solids = node.create_publisher(String, "bodies", qos.STATUS)
+        self._poses = node.create_publisher(Float32MultiArray, "body_poses", qos.NEWEST)
+        self._bodies: Bodies | None = None
+        self._every = 1
+
+    def start(self, rig: Rig, rate_hz: float) -> None:
+        """Prepare for a run."""
+        self._bodies = bodies_of(rig)
+        self._every = max(1, round(rate_hz / _POSES_HZ))
+
+    def publish(self, sequence: int) -> None:
+        """Publish what is due with a sample of the open rig."""
+        if self._bodies is None:
+            return
+        if sequence == 1:
+            self._solids.publish(String(data=json.dumps(self._bodies.solids())))
+        if sequence % self._every == 0 and self._poses.get_subscription_count():
+            poses = array("f", self._bodies.poses().ravel())
+            self._poses.publish(Float32MultiArray(data=poses))
+
+    def close(self) -> None:
+        """Release the topics."""
+        self._node.destroy_publisher(self._solids)
+        self._node.destroy_publisher(self._poses)
+
+
+class JointValues(NamedTuple):
+    """Values of all joints in SI units; NaN for what no sensor measures."""
+
+    position: list[float]
+    velocity: list[float]
+    effort: list[float]
+
+
+class JointView(Protocol):
+    """Joints of one arm."""
+
+    names: tuple[str, ...]
+
+    def of(self, outputs: Sequence[float], commands: Sequence[float]) -> JointValues:
+        """Return the values of the joints in one sample."""
+
+
+class ThesisJoints:
+    """Hub of the thesis's arm, and the virtual joints by which a viewer bends its link."""
+
+    names = (HUB, *BEND_JOINTS)
+
+    def __init__(self) -> None:
+        arm = RigParameters()
+        self._torque_nm_per_a = arm.motor_gain_nm_per_v / DRIVE_A_PER_V
+        self._bend_angles = bend_angles(arm)
+        self._unknown = [math.nan] * len(BEND_JOINTS)
+
+    def of(self, outputs: Sequence[float], commands: Sequence[float]) -> JointValues:
+        """Return angles from position and gauges; speed and torque are those of the hub."""
+        angle_v, *gauges_v, rate_v = outputs
+        position, _, _, speed = CHANNELS
+        torque_nm = COMMAND.to_si(commands[0]) * self._torque_nm_per_a
+        return JointValues(
+            [position.to_si(angle_v), *(self._bend_angles @ gauges_v)],
+            [speed.to_si(rate_v), *self._unknown],
+            [torque_nm, *self._unknown],
+        )
+
+
+class DescribedJoints:
+    """Joints of a rig by its description; an effort has the SI unit of its input."""
+
+    def __init__(self, rig: RigDescription) -> None:
+        self.names = tuple(each.name for each in rig.joints)
+        self._rig = rig
+
+    def of(self, outputs: Sequence[float], commands: Sequence[float]) -> JointValues:
+        """Return angle, rate and effort of each joint."""
+        si = {
+            each.name: each.to_si(value)
+            for channels, values in ((self._rig.outputs, outputs), (self._rig.inputs, commands))
+            for each, value in zip(channels, values, strict=True)
+        }
+        joints = self._rig.joints
+        return JointValues(
+            [si[each.angle] for each in joints],
+            [si[each.rate] if each.rate else math.nan for each in joints],
+            [si[each.input] for each in joints],
+        )
+
+
+def joint_view(rig: RigDescription) -> JointView:
+    """Return the view of a rig's joints."""
+    return ThesisJoints() if is_thesis_arm(rig) else DescribedJoints(rig)

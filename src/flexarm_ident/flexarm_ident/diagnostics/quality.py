@@ -9,11 +9,12 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 import flexarm_ident.diagnostics
+from flexarm_core.labels import counted
 from flexarm_ident.diagnostics.check import Looked
-from flexarm_ident.records.data_warning import RECORDING
+from flexarm_ident.records.data_warning import RECORDING, Grade
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from flexarm_ident.diagnostics.check import Check
     from flexarm_ident.records.data_warning import DataWarning, Kind
@@ -95,3 +96,25 @@ def _warnings(parts: Sequence[IoData]) -> Iterator[DataWarning]:
         # A change at an end is none within.
         if begin_s + 0.5 * dt_s < each.figures.get(_AT, begin_s) < end_s - 0.5 * dt_s:
             yield each
+
+
+def graded(warnings: Iterable[DataWarning], others: Iterable[tuple[Grade, str]]) -> tuple[str, ...]:
+    """Return warnings and other notes as lines that begin with their grades.
+
+    Of a warning about the same channel of several records, that of the first one stands for all.
+    """
+    alike: dict[tuple[str, str, str], list[DataWarning]] = {}
+    for warning in warnings:
+        alike.setdefault((warning.code, warning.channel, warning.grade), []).append(warning)
+    lines = [line for group in alike.values() for line in _lines(group)]
+    lines += list(others)
+    grades = list(Grade)
+    ordered = sorted(dict.fromkeys(lines), key=lambda line: grades.index(line[0]))
+    return tuple(f"{grade}: {text}" for grade, text in ordered)
+
+
+def _lines(group: list[DataWarning]) -> list[tuple[Grade, str]]:
+    first = [warning for warning in group if warning.record == group[0].record]
+    more = len({warning.record for warning in group}) - 1
+    ending = f" (and {counted(more, 'more record')})" if more else ""
+    return [(warning.grade, f"{warning}{ending}") for warning in first]

@@ -10,8 +10,7 @@ import numpy as np
 
 from flexarm_core.errors import DataError, IdentificationError
 from flexarm_core.labels import label_and_unit
-from flexarm_ident.diagnostics.notes import graded
-from flexarm_ident.diagnostics.quality import assess
+from flexarm_ident.diagnostics.quality import assess, graded
 from flexarm_ident.diagnostics.stabilisation import (
     Criteria,
     stabilisation,
@@ -31,8 +30,7 @@ from flexarm_ident.estimation.physical_modes import judged_modes
 from flexarm_ident.estimation.plots import plot_response, plot_stabilisation
 from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.dry_friction import net_records
-from flexarm_ident.models.mode_table import mode_table
-from flexarm_ident.models.modes import frequency_grid, ranked_modes
+from flexarm_ident.models.modes import frequency_grid, mode_table, ranked_modes
 from flexarm_ident.records.data_warning import Grade
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.methods import METHODS, Data

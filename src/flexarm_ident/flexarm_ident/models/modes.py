@@ -1,14 +1,21 @@
-"""Modes of an identified model and their contributions (2-26 .. 2-28), (3-1 .. 3-8)."""
+"""Modes of an identified model, their shapes and contributions (2-26 .. 2-28), (3-1 .. 3-8).
+
+An oscillating mode is the sum of a complex pair; its part in the outputs is the column of C in
+modal coordinates (2-27), whose magnitudes are the amplitudes and whose angles are the phases.
+Ewins, "Modal Testing", chapter 2 (2000).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy
 
-from flexarm_core.labels import DEADBEAT, ENDLESS_SAMPLES
+from flexarm_core.labels import DEADBEAT, ENDLESS_SAMPLES, decay, with_deviation
+from flexarm_core.showing.tables import html_table
 from flexarm_ident.models.free_run import BlockSimulation
 
 if TYPE_CHECKING:
@@ -27,6 +34,7 @@ _DEFECTIVE_CONDITION = 1e8
 _GRID_POINTS = 400
 # The responses of this many samples fit into a core's own cache.
 _CHUNK = 8192
+_HEADER = ("states", "frequency, Hz", "damping", "MRM", "rank", "MSV", "rank", "kept")
 
 
 @dataclass(frozen=True)
@@ -331,3 +339,89 @@ def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
             grid.append(frequency_hz * (1.0 + width * np.linspace(-4.0, 4.0, 17)))
     merged = np.unique(np.concatenate(grid))
     return np.asarray(merged[(merged >= grid[0][0]) & (merged <= nyquist_hz)])
+
+
+def mode_table(
+    title: str, modes: Sequence[Mode], dt_s: float, deviations: Sequence[ModeUncertainty] = ()
+) -> str:
+    """Return modes by rising frequency in HTML, as Tables 3-1a to 3-3a.
+
+    Real modes have their time constant in its place.
+
+    Parameters
+    ----------
+    title : str
+        Caption.
+    modes : sequence of Mode
+        Modes.
+    dt_s : float
+        Sampling period.
+    deviations : sequence of ModeUncertainty
+        Their standard deviations in the same order; none when they are not known.
+    """
+    known = sorted(zip_longest(modes, deviations), key=lambda each: each[0].frequency_hz)
+    rows = [
+        (
+            mode.label,
+            decay(mode.eigenvalue, dt_s)
+            or with_deviation(mode.frequency_hz, spread and spread.frequency_std_hz),
+            with_deviation(mode.damping_ratio, (spread and spread.damping_std) or None, decimals=4),
+            f"{mode.mrm:.4g}",
+            str(mode.mrm_rank),
+            f"{mode.msv:.4g}",
+            str(mode.msv_rank),
+            "yes" if mode.kept else "no",
+        )
+        for mode, spread in known
+    ]
+    return html_table(title, _HEADER, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class ModeShape:
+    """Shape of an oscillating mode.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Natural frequency.
+    damping_ratio : float
+        Damping ratio.
+    values : ndarray, (outputs,)
+        Complex amplitudes of the scaled outputs; that of the output that moves most is 1.
+    """
+
+    frequency_hz: float
+    damping_ratio: float
+    values: ComplexArray
+
+    @property
+    def magnitude(self) -> FloatArray:
+        """Amplitude of each output, (outputs,), from 0 to 1."""
+        return np.asarray(np.abs(self.values))
+
+    @property
+    def phase_deg(self) -> FloatArray:
+        """Phase of each output, (outputs,), before the one that moves most; -180 to 180."""
+        return np.asarray(np.degrees(np.angle(self.values)))
+
+
+def mode_shapes(model: control.StateSpace, output_scale: FloatArray) -> tuple[ModeShape, ...]:
+    """Return the shapes of the oscillating modes that any output shows, by rising frequency.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model.
+    output_scale : ndarray, (outputs,)
+        Factors that make the outputs comparable, such as one over their RMS.
+    """
+    form = modal_form(model)
+    found = []
+    for group in form.groups:
+        seen = form.C[:, group[0]] * output_scale
+        largest = seen[np.argmax(np.abs(seen))]
+        if len(group) > 1 and largest != 0.0:
+            figures = frequency_and_damping(complex(form.eigenvalues[group[0]]), form.dt_s)
+            found.append(ModeShape(*figures, seen / largest))
+    return tuple(sorted(found, key=lambda shape: shape.frequency_hz))

@@ -14,8 +14,7 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs, fit_outputs
-from flexarm_ident.models.mode_table import mode_table
-from flexarm_ident.models.modes import modal_form, ranked_modes
+from flexarm_ident.models.modes import modal_form, mode_table, ranked_modes
 from flexarm_ident.models.state_space import stabilise, with_matrices
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.preprocess import output_scale

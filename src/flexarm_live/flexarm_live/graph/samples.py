@@ -1,22 +1,29 @@
-"""Samples as rows of numbers, from the bytes of the topics of samples and of set-points."""
+"""Samples as rows of numbers, and bodies, as the topics of an arm have them."""
 
 from __future__ import annotations
 
+import json
 import math
+import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from std_msgs.msg import Float32MultiArray, String
 
 from flexarm_live.graph.about import SEQUENCE_SPAN, columns_of
+from flexarm_node import qos
 from flexarm_node.codecs import codec_of
 from flexarm_node.topics.waiting import content_of, message_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
+
+    from rclpy.node import Node
 
     from flexarm_core.arrays import FloatArray
     from flexarm_core.rig_description import RigDescription
+    from flexarm_live.serving.laboratory import Outlet
     from flexarm_node.topics.waiting import RawMessage
 
 SAMPLES, REFERENCE, STREAMED_REFERENCE = range(3)
@@ -24,6 +31,10 @@ SAMPLES, REFERENCE, STREAMED_REFERENCE = range(3)
 second reader of set-points."""
 _KEPT_LOOKS = 128
 _NS_PER_S = 1e9
+_LEAST_S = 0.03
+"""Between two messages to the pages: an arm as fast as it goes has many more poses."""
+_NUMBERS, _DIGITS = 7, 5
+"""Of a pose."""
 
 
 class Samples(NamedTuple):
@@ -129,3 +140,38 @@ class SampleReader:
         references = self.codec.references(message)
         if len(references) == len(self.references):
             self.references = references
+
+
+class ShownBodies:
+    """Reader of the bodies, which sends them to the pages.
+
+    Parameters
+    ----------
+    node : Node
+        Node for the readers.
+    outlet : callable
+        Returns what sends messages to the pages.
+
+    Attributes
+    ----------
+    solids : list of dict
+        What the bodies are made of; empty for an arm without bodies.
+    """
+
+    def __init__(self, node: Node, outlet: Callable[[], Outlet]) -> None:
+        self.solids: list[dict[str, Any]] = []
+        self._outlet = outlet
+        self._sent_s = 0.0
+        node.create_subscription(String, "bodies", self._on_solids, qos.STATUS)
+        node.create_subscription(Float32MultiArray, "body_poses", self._on_poses, qos.SEEN)
+
+    def _on_solids(self, message: String) -> None:
+        self.solids = json.loads(message.data)
+        self._outlet().send({"type": "bodies", "solids": self.solids})
+
+    def _on_poses(self, message: Float32MultiArray) -> None:
+        now_s = time.monotonic()
+        if self._outlet().pages and now_s - self._sent_s > _LEAST_S:
+            self._sent_s = now_s
+            poses = np.array(message.data, dtype=float).reshape(-1, _NUMBERS)
+            self._outlet().send({"type": "poses", "poses": poses.round(_DIGITS)})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import tempfile
+from collections import deque
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,6 @@ from flexarm_core.errors import FlexarmError, one_line, reason
 from flexarm_core.outputs import OutputError
 from flexarm_live.serving.access import Role
 from flexarm_live.serving.laboratory import Answer
-from flexarm_live.serving.limits import LARGEST_FILE, MOST_AT_WORK
 from flexarm_live.serving.requests import Needs, RequestError, parse
 
 if TYPE_CHECKING:
@@ -27,6 +27,15 @@ _LOGGER = logging.getLogger("flexarm_live")
 VERSION = 1
 """Version of what is said between server and page."""
 _SILENT_S = 10.0
+LARGEST_MESSAGE = 64_000
+LARGEST_FILE = 200_000_000
+"""Bytes of a file that is dropped on the page, in messages of the above size."""
+MOST_A_SECOND = 200
+MOST_WAITING = 4_000_000
+"""Bytes that wait for a client before it is dropped, beside the buffers of the system."""
+MOST_CLIENTS = 16
+MOST_AT_WORK = 16
+"""Requests of one client that are at work at a time."""
 
 
 class Hold:
@@ -244,3 +253,43 @@ async def _next(connection: ServerConnection) -> str | bytes:
         return await asyncio.wait_for(connection.recv(), _SILENT_S)
     except asyncio.TimeoutError as error:
         raise RequestError(f"nothing came for {_SILENT_S:g} s: drop the file again") from error
+
+
+class RateLimit:
+    """Count of the messages of one client in the last second."""
+
+    def __init__(self, most: int = MOST_A_SECOND) -> None:
+        self._times_s: deque[float] = deque(maxlen=most)
+
+    def allows(self, now_s: float) -> bool:
+        """Take one message; return whether it and those before are few enough."""
+        times_s = self._times_s
+        is_full = len(times_s) == times_s.maxlen and now_s - times_s[0] < 1.0
+        times_s.append(now_s)
+        return not is_full
+
+
+class Outbox:
+    """Messages that wait for one client, bounded by their size."""
+
+    def __init__(self, most_bytes: int = MOST_WAITING) -> None:
+        self._messages: deque[str | bytes] = deque()
+        self._most_bytes = most_bytes
+        self.waiting_bytes = 0
+
+    def __bool__(self) -> bool:
+        return bool(self._messages)
+
+    def put(self, message: str | bytes) -> bool:
+        """Add a message; return False, and leave it out, when there is no room."""
+        if self.waiting_bytes + len(message) > self._most_bytes:
+            return False
+        self.waiting_bytes += len(message)
+        self._messages.append(message)
+        return True
+
+    def take(self) -> str | bytes:
+        """Return the oldest message, which no longer waits."""
+        message = self._messages.popleft()
+        self.waiting_bytes -= len(message)
+        return message

@@ -14,15 +14,16 @@ from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 from flexarm_live.serving.access import Role, role_of
-from flexarm_live.serving.desk import Desk, is_withdrawable
-from flexarm_live.serving.encoding import as_json
-from flexarm_live.serving.limits import (
+from flexarm_live.serving.desk import (
     LARGEST_MESSAGE,
     MOST_A_SECOND,
     MOST_CLIENTS,
+    Desk,
     Outbox,
     RateLimit,
+    is_withdrawable,
 )
+from flexarm_live.serving.encoding import as_json
 from flexarm_live.serving.web import DROP, STOP, address_of
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm_control.design.model_sources import friction_levels_v, load_models
-from flexarm_control.design.step_response import pdp_step_response
+from flexarm_control.design.tuning import pdp_step_response
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.laws.registry import LAWS

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from flexarm_bringup.watch.history import History
-from flexarm_bringup.watch.screen import Units, plain_line, screen
+from flexarm_bringup.watch.screen import History, Units, plain_line, screen
 from flexarm_core.rig_description import load_rig
 from flexarm_live.graph.about import about_arm, columns_of
 from support.foreign_rigs import TWO_JOINTS

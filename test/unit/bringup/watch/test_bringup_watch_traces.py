@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flexarm_bringup.watch.history import NO_BAND, Band, History
-from flexarm_bringup.watch.screen import span, sparkline
+from flexarm_bringup.watch.screen import NO_BAND, Band, History, span, sparkline
 
 
 def test_history___of_a_fast_sine___keeps_its_width_in_every_column() -> None:

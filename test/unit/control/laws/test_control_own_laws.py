@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_control.laws.own_laws import FILES, own_laws
-from flexarm_control.laws.registry import LAWS, LawSpec
+from flexarm_control.laws.registry import FILES, LAWS, LawSpec, own_laws
 from flexarm_core.errors import SettingError
 from support.project import PROJECT
 
@@ -43,13 +42,13 @@ def write(folder: Path, text: str, name: str = "mine.py") -> str:
 
 def found(monkeypatch: pytest.MonkeyPatch, *files: str) -> tuple[LawSpec, ...]:
     monkeypatch.setenv(FILES, os.pathsep.join(files))
-    return own_laws(LawSpec, list(LAWS))
+    return own_laws(list(LAWS))
 
 
 def test_no_files___no_laws(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found(monkeypatch) == ()
     monkeypatch.delenv(FILES)
-    assert own_laws(LawSpec, list(LAWS)) == ()
+    assert own_laws(list(LAWS)) == ()
 
 
 def test_laws_of_several_files___have_their_parameters_and_answer(

@@ -17,9 +17,8 @@ from flexarm_control.laws.switching import FADE_V, Handover
 from flexarm_control.loop_setup import Setup, parameters_in
 from flexarm_control.models.nominal_models import identified_model, nominal_model
 from flexarm_control.models.rigid_and_bending import bending_modes
-from flexarm_control.shaping.shaped_law import ShapedLaw
+from flexarm_control.shaping.shaped_law import ShapedLaw, Vibrations, nominal_vibrations
 from flexarm_control.shaping.shapers import SHAPERS, Vibration, shaper_parts
-from flexarm_control.shaping.vibrations import Vibrations, nominal_vibrations
 from flexarm_core.errors import SettingError
 from flexarm_ident.models.files import save_model
 

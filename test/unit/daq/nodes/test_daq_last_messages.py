@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from flexarm_daq.nodes.last_messages import LastMessages, Timed
+from flexarm_daq.nodes.recording import LastMessages, Timed
 
 SECOND_NS = 1_000_000_000
 NOW_NS = 1000 * SECOND_NS

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import pytest
 
 from flexarm_bags.writer import BagWriter, RecordingError
-from flexarm_daq.nodes.last_messages import LastMessages
-from flexarm_daq.nodes.recording import Recording
+from flexarm_daq.nodes.recording import LastMessages, Recording
 from support.acquisition_bench import Clock
 from support.bag_samples import START_NS, arm_state, mcap_file, motor_command, recorded_topics
 from support.recorded_samples import content, salvaged

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexarm_daq.rigs.eigenmodes import eigenmodes
+from flexarm_daq.rigs.beam import eigenmodes
 
 
 def test_eigenmodes___of_a_chain_of_equal_masses___are_the_closed_form() -> None:

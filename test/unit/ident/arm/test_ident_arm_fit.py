@@ -11,8 +11,7 @@ import pytest
 from flexarm_ident import IdentificationError
 from flexarm_ident.arm import fit as arm_fit
 from flexarm_ident.arm.equations import FlexibleArm, FrictionModel
-from flexarm_ident.arm.fit import fit_arm
-from flexarm_ident.arm.random_starts import RandomStarts
+from flexarm_ident.arm.fit import RandomStarts, fit_arm
 from flexarm_ident.arm.simulation_error import Part, SimulationError
 from flexarm_ident.friction.layout import Drive
 from support.rubbing_arms import rubbing_arm

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_ident.arm.equations import FlexibleArm
-from flexarm_ident.arm.fit import observed
-from flexarm_ident.arm.random_starts import RandomStarts
+from flexarm_ident.arm.fit import RandomStarts, observed
 from flexarm_ident.arm.simulation_error import Part, SimulationError
 from flexarm_ident.fitting.levenberg_marquardt import Minimum
 from support.rubbing_arms import rubbing_arm

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from flexarm_ident.diagnostics.notes import graded
+from flexarm_ident.diagnostics.quality import graded
 from flexarm_ident.records.data_warning import DataWarning, Grade
 
 

@@ -9,9 +9,8 @@ import pytest
 
 from flexarm_ident import IoData, identify
 from flexarm_ident.fitting.modal_error import ModalError
-from flexarm_ident.likelihood.bands import spectral_bands, whole_length
 from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
-from flexarm_ident.likelihood.spectral_error import SpectralError
+from flexarm_ident.likelihood.spectral_error import SpectralError, spectral_bands, whole_length
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import frequency_grid
 from support.ident_systems import random_model, record, step_by_step

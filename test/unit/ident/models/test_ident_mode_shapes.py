@@ -7,7 +7,7 @@ import scipy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_ident.models.mode_shapes import mode_shapes
+from flexarm_ident.models.modes import mode_shapes
 from support.ident_systems import DT_S, arm_model, named
 
 _SEEDS = st.integers(0, 2**32 - 1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_ident import IoData, preprocess
-from flexarm_ident.records.dropouts import without_dropouts
+from flexarm_ident.records.preprocess import without_dropouts
 from support.ident_systems import DT_S, arm_model, square_wave, step_by_step
 
 if TYPE_CHECKING:

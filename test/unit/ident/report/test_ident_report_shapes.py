@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexarm_ident.models.mode_shapes import ModeShape
+from flexarm_ident.models.modes import ModeShape
 from flexarm_ident.report.content.blocks import Plots, Subject, Table, Words
 from flexarm_ident.report.sections.shapes import SECTION, shape_plot
 from flexarm_ident.workflow.request import Request

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from flexarm_ident.estimation.identification import Identification
+from flexarm_ident.job import Results
 from flexarm_ident.models.modes import ModeUncertainty
-from flexarm_ident.workflow.results import Results
 
 
 @pytest.mark.parametrize(("likelihood", "reported"), [(object(), (0.2, 0.3)), (None, ())])

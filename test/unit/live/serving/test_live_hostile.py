@@ -15,7 +15,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from flexarm_ident.report.script import script
-from flexarm_live.serving.limits import LARGEST_MESSAGE, MOST_AT_WORK, MOST_CLIENTS, MOST_WAITING
+from flexarm_live.serving.desk import LARGEST_MESSAGE, MOST_AT_WORK, MOST_CLIENTS, MOST_WAITING
 from flexarm_live.serving.requests import VERBS, RequestError, parse
 from support.live_server import (
     PATIENCE_S,

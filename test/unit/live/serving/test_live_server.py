@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from websockets.sync.client import connect as connect_page
 
+from flexarm_live.serving.desk import LARGEST_MESSAGE, Outbox, RateLimit
 from flexarm_live.serving.encoding import HEAD, as_json, frame_of
-from flexarm_live.serving.limits import LARGEST_MESSAGE, Outbox, RateLimit
 from flexarm_live.terminal_socket import connect, listen
 from support.live_server import (
     PATIENCE_S,

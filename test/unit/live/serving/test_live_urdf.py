@@ -9,8 +9,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from flexarm_live.serving.arm_frames import FRAMES_TYPE, ArmFrames
-from flexarm_live.serving.urdf import urdf_of
+from flexarm_live.serving.arm_frames import FRAMES_TYPE, ArmFrames, urdf_of
 from support.bag_samples import START_NS, header, serialised, typestore
 from support.foreign_rigs import CART, ONE_JOINT, TWO_JOINTS
 

@@ -14,7 +14,7 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import FiniteRange
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.verbs.commissioning.state import State
+from flexarm_bringup.verbs.commissioning.commissioner import State
 from flexarm_bringup.verbs.laboratory.options import (
     ARM,
     LIVE,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,8 @@ from flexarm_control.servo.controller import Servo
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
 from flexarm_control.servo.robustness import ROBUSTNESS
 from flexarm_control.servo.twin import Run, step_results, step_run
-from flexarm_core.errors import SettingError
+from flexarm_core.errors import FlexarmError, SettingError
+from flexarm_core.outputs import MARK_KEY
 from flexarm_core.waves import multisine
 from flexarm_ident.diagnostics.best_linear import best_linear_approximation
 from flexarm_ident.diagnostics.verdict import Level
@@ -31,17 +33,17 @@ from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from flexarm_bringup.runs.live_arm import Arm
-    from flexarm_bringup.verbs.commissioning.state import State
     from flexarm_control.commissioning.answers import Friction, PulseAnswer, SoftLoop
     from flexarm_control.commissioning.programme import Measurement
     from flexarm_control.servo.job import ServoDesign
     from flexarm_control.servo.twin import StepResult
     from flexarm_core.arrays import FloatArray
     from flexarm_core.rig_description import RigDescription
+    from flexarm_ident.job import Results
     from flexarm_ident.records.iodata import IoData
-    from flexarm_ident.workflow.results import Results
 
 CONTROLLER_FILE = "servo/controller.yaml"
 MODELS_FOLDER = "models"
@@ -49,6 +51,7 @@ MODELS_FOLDER = "models"
 _GROWS = 1.2
 # Part of the travel that a step covers at most: to either side of the middle.
 _MOST_STEP = 0.5
+STATE_FILE = "commission.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,3 +313,61 @@ class Commissioner:
             for name, noise, odd, even in levels
         )
         terminal.CONSOLE.print(f"  noise/odd/even distortion at a line: {shown}")
+
+
+class StateError(FlexarmError):
+    """State of another commissioning in the folder."""
+
+
+@dataclass
+class State:
+    """Findings of the stages so far, in a file that is replaced as a whole.
+
+    Attributes
+    ----------
+    folder : Path
+        Folder of the commissioning.
+    settings : dict
+        What the stages rest on: the description's text and the goal.
+    found : dict
+        Findings by stage.
+    """
+
+    folder: Path
+    settings: dict[str, Any]
+    found: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, folder: Path, settings: dict[str, Any]) -> State:
+        """Return the state in a folder, or a new one.
+
+        Raises
+        ------
+        StateError
+            When the folder has that of another arm or goal.
+        """
+        file = folder / STATE_FILE
+        if not file.exists():
+            return cls(folder, settings)
+        try:
+            known = json.loads(file.read_text("utf-8"))
+            before, found = known["settings"], known["found"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise StateError(f"{file}: cannot be read: choose another --out, or remove it") from (
+                error
+            )
+        changed = [name for name, value in settings.items() if before.get(name) != value]
+        if changed:
+            raise StateError(
+                f"{file}: began with another {' and '.join(changed)}: choose another --out, or "
+                f"remove {folder}"
+            )
+        return cls(folder, settings, found)
+
+    def note(self, stage: str, finding: Any) -> None:  # noqa: ANN401 - JSON
+        """Keep what a stage found."""
+        self.found[stage] = finding
+        draft = self.folder / f".{STATE_FILE}"
+        content = {**MARK_KEY, "settings": self.settings, "found": self.found}
+        draft.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
+        draft.replace(self.folder / STATE_FILE)

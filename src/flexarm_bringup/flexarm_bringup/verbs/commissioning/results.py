@@ -19,12 +19,11 @@ from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Panel, View, chart
 
 if TYPE_CHECKING:
-    from flexarm_bringup.verbs.commissioning.commissioner import Steps
-    from flexarm_bringup.verbs.commissioning.state import State
+    from flexarm_bringup.verbs.commissioning.commissioner import State, Steps
     from flexarm_control.servo.job import ServoDesign
     from flexarm_core.rig_description import RigDescription
+    from flexarm_ident.job import Results
     from flexarm_ident.report.content.blocks import Block
-    from flexarm_ident.workflow.results import Results
 
 
 def write_results(

@@ -29,7 +29,7 @@ from flexarm_bringup.verbs.laboratory.live_page import (
     foxglove_parameters,
     page_options,
 )
-from flexarm_bringup.verbs.laboratory.lost_nodes import LostNodes
+from flexarm_bringup.verbs.laboratory.lost_nodes import LostNodes, SetSince
 from flexarm_bringup.verbs.laboratory.options import (
     ARM,
     PARAMETER_FILES,
@@ -42,7 +42,6 @@ from flexarm_bringup.verbs.laboratory.options import (
     rig_parameter,
     twin_rig,
 )
-from flexarm_bringup.verbs.laboratory.set_since import SetSince
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.rig_setup import CONTROLLER, SERVO
 from flexarm_control.sample_rate import suits

@@ -1,7 +1,9 @@
-"""Options that say what of a bag is read: signals of other programs, and a part of the time."""
+"""Options that say what of a record is read: signals or columns, and a part of the time."""
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -9,13 +11,17 @@ import click
 from flexarm_bringup.console.quantity import TIME_S, Quantity
 from flexarm_bringup.console.verb_group import together
 from flexarm_core.errors import BagError
+from flexarm_ident.importing.csv_columns import TableColumns
+from flexarm_ident.importing.csv_layout import is_table
 from flexarm_ident.reading.channels import CLOCKS, Selection, selection
 from flexarm_ident.reading.fields import parse_field
 from flexarm_ident.reading.read import signals_text
 from flexarm_ident.records.span import Span
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Sequence
+
+    from flexarm_ident.importing.csv_map import CsvMap
 
 channel_options = together(
     click.option(
@@ -74,6 +80,7 @@ channel_options = together(
     ),
 )
 """Options of a verb, which takes them by `taken_channels` and `taken_span`."""
+_SPREADSHEETS = frozenset({".xlsx", ".xls", ".ods"})
 
 
 def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:
@@ -105,3 +112,66 @@ def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:
 def taken_span(options: dict[str, Any]) -> Span:
     """Take the part of the records out of the options."""
     return Span(options.pop("from_s"), options.pop("to_s"), options.pop("wrap"))
+
+
+def taken_columns(
+    paths: Sequence[Path], map_file: Path | None, options: dict[str, Any]
+) -> CsvMap | TableColumns | None:
+    """Return what names the columns of the CSV files: a map, or names taken out of the options.
+
+    Where there is no CSV file, names stay in the options: those of signals of bags.
+    """
+    _refuse_unfit(paths)
+    tables = [path for path in paths if is_table(path)]
+    output_only = options.get("output_only", False) and bool(tables)
+    times = options.pop("times", ())
+    named = TableColumns(options["inputs"], options["outputs"], times, output_only)
+    is_named = bool(named.inputs or named.outputs or times or output_only)
+    if map_file and (named.inputs or named.outputs or times):
+        raise click.UsageError("give --map, or --input, --output and --time: both name the columns")
+    if times and not (tables and (output_only or (named.inputs and named.outputs))):
+        raise click.UsageError(
+            "--time belongs to a CSV file with --input and --output, or --output-only"
+        )
+    if not tables:
+        if map_file:
+            raise click.UsageError("--map belongs to a CSV file, and none is named")
+        return None
+    if map_file:
+        from flexarm_ident.importing.csv_map import load_csv_map  # noqa: PLC0415 - not for bags
+
+        return load_csv_map(map_file)
+    if not is_named:
+        _refuse_unnamed(tables[0])
+    if gone := [str(path) for path in paths if not path.exists()]:
+        raise click.UsageError(f"no file or bag {gone[0]!r} is there")
+    if len(tables) < len(paths):
+        raise click.UsageError(
+            "--input and --output name columns of CSV files or signals of bags: import the CSV "
+            "file first, or give each kind a command of its own"
+        )
+    options.update(inputs=(), outputs=())
+    return named
+
+
+def _refuse_unnamed(table: Path) -> None:
+    from flexarm_ident.importing.csv_table import column_names  # noqa: PLC0415 - not for bags
+
+    names = ", ".join(column_names(table))
+    raise click.UsageError(
+        f"{table} is a CSV file: say which column is what, by --input COLUMN and --output "
+        "COLUMN (modes alone need no input: --output-only) or a file, --map FILE; columns: "
+        f"{names}"
+    )
+
+
+def _refuse_unfit(paths: Sequence[Path]) -> None:
+    """Refuse spreadsheets, and a path that is named twice."""
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        if path.suffix.lower() in _SPREADSHEETS:
+            raise click.UsageError(f"{path} is a spreadsheet: save it as CSV in UTF-8")
+        # Unlike `resolve`, this takes a link in a circle as it is.
+        other = seen.setdefault(Path(os.path.realpath(path)), path)
+        if other is not path:
+            raise click.UsageError(f"{path} is named twice, and would count twice: name it once")

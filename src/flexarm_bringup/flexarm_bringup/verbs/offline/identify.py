@@ -17,9 +17,9 @@ from flexarm_bringup.console.verb_group import FORCE, examples, together
 from flexarm_bringup.verbs.offline.channel_options import (
     channel_options,
     taken_channels,
+    taken_columns,
     taken_span,
 )
-from flexarm_bringup.verbs.offline.csv_columns import taken_columns
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_ident import job
 from flexarm_ident.diagnostics.verdict import Level
@@ -30,7 +30,7 @@ from flexarm_ident.subspace.methods import AUTO, METHODS
 from flexarm_ident.workflow.request import FEEDTHROUGH, REDUCTIONS, UPDATES, Request
 
 if TYPE_CHECKING:
-    from flexarm_ident.workflow.results import Results
+    from flexarm_ident.job import Results
 
 _METHODS = {AUTO: "chosen by the data"} | {row.name: row.help for row in METHODS.values()}
 

@@ -13,9 +13,9 @@ from flexarm_bringup.console.verb_group import together
 from flexarm_bringup.verbs.offline.channel_options import (
     channel_options,
     taken_channels,
+    taken_columns,
     taken_span,
 )
-from flexarm_bringup.verbs.offline.csv_columns import taken_columns
 from flexarm_core.errors import SettingError
 from flexarm_core.outputs import require_place
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_bringup.runs.recorded_run import RecordedRun
-    from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
+    from flexarm_bringup.verbs.simulated.simulated_run import IdentifiedModel
     from flexarm_bringup.verbs.simulated.step_results import ControlledStep
 
 REDUCED_ORDER = 10

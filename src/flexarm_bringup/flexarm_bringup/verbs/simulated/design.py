@@ -39,7 +39,7 @@ from flexarm_ident.report.page import append_section
 from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
-    from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
+    from flexarm_bringup.verbs.simulated.simulated_run import IdentifiedModel
     from flexarm_bringup.verbs.simulated.step_results import ControlledStep
     from flexarm_control.design.margins import Loop, Margins
     from flexarm_control.design.tuning_job import TuneResult

@@ -19,9 +19,13 @@ from flexarm_bringup.verbs.laboratory.live_page import (
     PageSettings,
     announce_task,
 )
-from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
 from flexarm_bringup.verbs.simulated.run_settings import MODELS_FOLDER
-from flexarm_bringup.verbs.simulated.simulated_run import ENTRY, REPLY_DELAY_S, SimulatedRun
+from flexarm_bringup.verbs.simulated.simulated_run import (
+    ENTRY,
+    REPLY_DELAY_S,
+    IdentifiedModel,
+    SimulatedRun,
+)
 from flexarm_ident.models.modes import Mode
 from flexarm_msgs.srv import Identify
 

@@ -10,9 +10,13 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.direct_run import DirectRun
 from flexarm_bringup.runs.pace import Pace
-from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
 from flexarm_bringup.verbs.simulated.run_settings import MODELS_FOLDER
-from flexarm_bringup.verbs.simulated.simulated_run import ENTRY, REPLY_DELAY_S, SimulatedRun
+from flexarm_bringup.verbs.simulated.simulated_run import (
+    ENTRY,
+    REPLY_DELAY_S,
+    IdentifiedModel,
+    SimulatedRun,
+)
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, RigParameters
 from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_ident.job import identify_bags, model_name

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.fitting.validation import rms
-from flexarm_ident.models.mode_shapes import mode_shapes
+from flexarm_ident.models.modes import mode_shapes
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
 from flexarm_ident.report.plots import marks
 from flexarm_ident.report.plots.axis import Axis, plain
@@ -17,7 +17,7 @@ from flexarm_ident.report.plots.chart import Note, Panel, View, chart
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from flexarm_ident.models.mode_shapes import ModeShape
+    from flexarm_ident.models.modes import ModeShape
     from flexarm_ident.report.content.blocks import Block, Subject
 
 # With many outputs the bars of a plot have no room for their names.

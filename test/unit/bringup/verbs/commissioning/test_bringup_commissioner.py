@@ -14,9 +14,8 @@ from click.testing import CliRunner
 
 from flexarm_bringup.cli import main
 from flexarm_bringup.runs.live_arm import answers_to_pulses
-from flexarm_bringup.verbs.commissioning.commissioner import Commissioner
+from flexarm_bringup.verbs.commissioning.commissioner import Commissioner, State, StateError
 from flexarm_bringup.verbs.commissioning.results import write_results
-from flexarm_bringup.verbs.commissioning.state import State, StateError
 from flexarm_bringup.verbs.offline.servo import write_servo
 from flexarm_control import load_controller
 from flexarm_control.commissioning.answers import ArmFaultError, soft_loop

@@ -9,7 +9,7 @@ import pytest
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
 
-from flexarm_bringup.verbs.laboratory.set_since import SetSince
+from flexarm_bringup.verbs.laboratory.lost_nodes import SetSince
 
 if TYPE_CHECKING:
     from collections.abc import Callable

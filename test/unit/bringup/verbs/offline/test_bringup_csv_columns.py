@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from flexarm_bringup.cli import main
-from flexarm_bringup.verbs.offline.csv_columns import taken_columns
+from flexarm_bringup.verbs.offline.channel_options import taken_columns
 from flexarm_ident.importing.csv_columns import TableColumns
 from flexarm_ident.importing.csv_map import load_csv_map
 from flexarm_ident.job import read_whole

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_daq.drivers.serial.frames import FrameReader, framed
-from flexarm_daq.drivers.serial.messages import board_sample, command, greeting
+from flexarm_daq.drivers.serial.messages import FrameReader, board_sample, command, framed, greeting
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

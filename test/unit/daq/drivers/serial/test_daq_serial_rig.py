@@ -16,7 +16,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.rig_description import described
 from flexarm_daq.drivers.registry import driven
 from flexarm_daq.drivers.serial import rig as serial_rig
-from flexarm_daq.drivers.serial.frames import FrameReader, framed
+from flexarm_daq.drivers.serial.messages import FrameReader, framed
 from flexarm_daq.drivers.serial.rig import SerialRig, SerialSettings
 from flexarm_daq.rigs.rig_protocol import RigError
 
