@@ -14,8 +14,7 @@ import control
 import numpy as np
 
 from flexarm_control.servo.job import Source
-from flexarm_daq.drivers.mujoco.arm import MujocoArm, MujocoSettings
-from flexarm_daq.drivers.mujoco.rig import MujocoRig
+from flexarm_daq.drivers.mujoco.rig import MujocoArm, MujocoRig, MujocoSettings
 from flexarm_ident.friction.dry_friction import DryFriction
 
 if TYPE_CHECKING:

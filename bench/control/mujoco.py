@@ -26,8 +26,7 @@ from flexarm_control.simulation import simulate
 from flexarm_core.channels import POSITION_V_PER_RAD
 from flexarm_core.rig_description import load_rig
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.drivers.mujoco.arm import MujocoArm, MujocoSettings
-from flexarm_daq.drivers.mujoco.rig import MujocoRig
+from flexarm_daq.drivers.mujoco.rig import MujocoArm, MujocoRig, MujocoSettings
 from flexarm_daq.drivers.scaled_rig import ScaledRig
 from flexarm_daq.drivers.settings import settings_of
 from flexarm_daq.rigs.beam import natural_frequencies_hz

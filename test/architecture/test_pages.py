@@ -11,7 +11,7 @@ import click
 import pytest
 
 from flexarm_bringup.cli import main
-from flexarm_bringup.verbs.checkout.pages import plain_blocks, steps
+from flexarm_bringup.verbs.checkout.docs import plain_blocks, steps
 from support.import_graph import project_modules
 from support.project import PROJECT
 

@@ -36,12 +36,12 @@ CONNECTING = {
     ),
     *(
         f"flexarm_live.graph.{name}"
-        for name in ("bodies", "bridge", "loop_nodes", "node_parameters", "samples")
+        for name in ("bridge", "loop_nodes", "node_parameters", "samples")
     ),
     "flexarm_control.trajectory_action",
-    "flexarm_daq.nodes.topic_link",
     "flexarm_daq.nodes.recorded_topics",
     "flexarm_daq.nodes.rig_choice",
+    "flexarm_daq.nodes.topic_link",
 }
 """Modules that talk to ROS, beside the nodes themselves."""
 

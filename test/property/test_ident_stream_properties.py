@@ -18,7 +18,7 @@ from support.ident_systems import arm_model, square_wave, step_by_step
 
 if TYPE_CHECKING:
     from flexarm_ident import IoData
-    from flexarm_ident.reading.stream import BagStream
+    from flexarm_ident.reading.alignment import BagStream
     from support.bag_samples import Sent
 
 SAMPLES = 700

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm_control.replaying.record import LawRecord, LoopRecord
+from flexarm_control.replaying.comparison import LawRecord, LoopRecord
 from support.bag_samples import START_NS, Sent, arm_state, header, motor_command, serialised
 
 if TYPE_CHECKING:

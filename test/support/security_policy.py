@@ -16,7 +16,7 @@ from rclpy.action import (
     get_action_server_names_and_types_by_node,
 )
 
-from flexarm_bringup.graph.session import OPERATOR, REMOTE
+from flexarm_bringup.graph.operator import OPERATOR, REMOTE
 from flexarm_daq.nodes.recorded_topics import TOPICS
 from flexarm_node.parameter_files import NODE_NAMES
 from support.bag_samples import START_NS, reference, write_bag

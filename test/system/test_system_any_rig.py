@@ -12,8 +12,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from websockets.sync.client import connect
 
-from flexarm_control.replaying.comparison import replay
-from flexarm_control.replaying.record import read_loop
+from flexarm_control.replaying.comparison import read_loop, replay
 from flexarm_control.servo.files import save_controller
 from flexarm_control.servo.job import ServoRequest, design_servo
 from flexarm_control.twin import twin_description

@@ -9,7 +9,7 @@ import pytest
 
 from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.verbs.simulated.one_process import one_process
-from flexarm_bringup.verbs.simulated.run_settings import RunSettings
+from flexarm_bringup.verbs.simulated.simulated_run import RunSettings
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident.provenance import samples_hash

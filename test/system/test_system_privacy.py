@@ -11,8 +11,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from flexarm_bringup.graph.operator import OPERATOR
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.graph.session import OPERATOR
 from flexarm_node.parameter_files import NODE_NAMES
 from support.security_policy import LOOP, POLICY, policy, start_every_node, uses_by_node
 from support.system_graph import PATIENCE_S, ROOT, Graph, executable

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_control.replaying.comparison import replay
-from flexarm_control.replaying.record import read_loop
+from flexarm_control.replaying.comparison import read_loop, replay
 from flexarm_msgs.msg import LawInForce
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from flexarm_ident.models.modes import ModeShape, RankTable, mode_shapes, rank_table
     from flexarm_ident.reading.channels import Selection, selection
     from flexarm_ident.reading.read import read_bag, read_bag_report, read_channels
-    from flexarm_ident.records.columns import from_columns, to_columns
-    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.iodata import IoData, from_columns, to_columns
     from flexarm_ident.records.preprocess import preprocess
     from flexarm_ident.records.span import Span
     from flexarm_ident.reduction.balanced import BalancedTruncation, balanced_truncation

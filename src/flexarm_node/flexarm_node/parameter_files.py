@@ -1,7 +1,10 @@
-"""Parameter files of ROS 2: whom their sections are for.
+"""Parameter files and command lines of ROS 2: whom they are for.
 
 ROS 2 passes over a section for a node that does not exist without a word, and with it a misspelt
 node's safety limits. A node that is given such a file and no section of its own does not start.
+
+ROS 2 reads what stands between `--ros-args` and `--`, and drops everything else without a word: a
+safety limit before `--ros-args` would be the default one.
 """
 
 from __future__ import annotations
@@ -12,10 +15,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexarm_core.bounds import YamlError, read_text_bytes, yaml_content
-from flexarm_core.errors import FlexarmError, reason
+from flexarm_core.bounds import YamlError, read_text_bytes, shown, yaml_content
+from flexarm_core.errors import FlexarmError, SettingError, reason
 from flexarm_core.rig_description import SIMULATIONS, load_rig
-from flexarm_node.command_line import are_for_ros
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -38,6 +40,11 @@ _FILE = "--params-file"
 _PARAMETER = ("-p", "--param")
 # Letters too many or too few.
 _MISSPELT_BY = 2
+BEGIN = "--ros-args"
+"""ROS arguments stand after this word."""
+_END = "--"
+_RULE = "-r"
+_ASSIGNS = ":="
 
 
 def given_files(arguments: Sequence[str]) -> list[Path]:
@@ -183,3 +190,46 @@ def _named(content: Mapping[str, Any], namespace: str) -> Iterator[tuple[str, An
             yield name, below[_PARAMETERS]
         elif isinstance(below, dict):
             yield from _named(below, name)
+
+
+def are_for_ros(words: Sequence[str]) -> list[bool]:
+    """Mark the words of a command line that are for ROS 2, with those around them."""
+    marks: list[bool] = []
+    is_ros = False
+    for word in words:
+        was_ros, is_ros = is_ros, word == BEGIN or (is_ros and word != _END)
+        marks.append(was_ros or is_ros)
+    return marks
+
+
+def own_words(words: Sequence[str]) -> list[str]:
+    """Return those words of a command line, without the program's name, that are not for ROS 2."""
+    return [word for word, is_ros in zip(words, are_for_ros(words), strict=True) if not is_ros]
+
+
+def refuse_words(words: Sequence[str]) -> None:
+    """Refuse words that nobody would read.
+
+    Raises
+    ------
+    SettingError
+        When there are any; it says what to write instead.
+    """
+    if not words:
+        return
+    if any(_ASSIGNS in word or word.startswith("-") for word in words):
+        remedy = f"write {' '.join((BEGIN, *_as_ros(words)))}"
+    else:
+        remedy = "leave it out"
+    raise SettingError(f"{shown(' '.join(words))} is not after {BEGIN}, and not read: {remedy}")
+
+
+def _as_ros(words: Sequence[str]) -> Iterator[str]:
+    """Yield words as ROS arguments: an assignment that stands alone is that of a parameter."""
+    before = ""
+    for word in words:
+        if _ASSIGNS in word and not before.startswith("-"):
+            is_rule = word.startswith("__") or "/" in word.partition(_ASSIGNS)[0]
+            yield _RULE if is_rule else _PARAMETER[0]
+        yield word
+        before = word

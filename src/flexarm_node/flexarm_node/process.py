@@ -24,8 +24,7 @@ from rclpy.utilities import try_shutdown
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.own_files import private_folder
 from flexarm_core.patience import slowness
-from flexarm_node.command_line import own_words, refuse_words
-from flexarm_node.parameter_files import wrong_words
+from flexarm_node.parameter_files import own_words, refuse_words, wrong_words
 from flexarm_node.transport import set_up_middleware
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import pytest
 from rclpy.utilities import remove_ros_args
 
 from flexarm_core.errors import SettingError
-from flexarm_node.command_line import own_words, refuse_words
+from flexarm_node.parameter_files import own_words, refuse_words
 
 LINES = [
     "",

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.operator import OPERATOR, interruptible, ros_domain, session
 from flexarm_bringup.graph.processes import (
     MANAGED,
     NAMESPACE,
@@ -15,7 +16,6 @@ from flexarm_bringup.graph.processes import (
     NodeProcesses,
     NodeProgram,
 )
-from flexarm_bringup.graph.session import OPERATOR, interruptible, ros_domain, session
 from flexarm_core.own_files import claimed, private_folder
 from flexarm_node.parameter_files import (
     LOOP,

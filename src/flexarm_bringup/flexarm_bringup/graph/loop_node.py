@@ -19,8 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from flexarm_control.controller_node import ControllerNode
 from flexarm_core.errors import SettingError
 from flexarm_daq.nodes.daq_node import DaqNode
-from flexarm_node.command_line import BEGIN, own_words
-from flexarm_node.parameter_files import LOOP
+from flexarm_node.parameter_files import BEGIN, LOOP, own_words
 from flexarm_node.process import request_stop, run
 from flexarm_node.topics.handover import DirectHandover
 

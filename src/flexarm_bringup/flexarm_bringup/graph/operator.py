@@ -1,32 +1,47 @@
-"""Operator of the graph: transitions, parameters, recording and sampled runs."""
+"""Operator of the graph, its session, and runs that it watches."""
 
 from __future__ import annotations
 
+import os
+import signal
 import time
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
 from std_srvs.srv import SetBool
 
+from flexarm_bringup.console import interruption
 from flexarm_bringup.graph.client import SERVICE_S, ServiceClient
-from flexarm_bringup.graph.processes import HeldDriveError, LaunchError
-from flexarm_bringup.graph.run_watch import RunWatch
+from flexarm_bringup.graph.figures import Run
+from flexarm_bringup.graph.processes import NAMESPACE, HeldDriveError, LaunchError
+from flexarm_core.bounds import shown
 from flexarm_core.nearest import nearest
 from flexarm_core.patience import Patience
+from flexarm_msgs.msg import ArmState, IoSample
 from flexarm_msgs.srv import Identify, SetReference
+from flexarm_node import qos
+from flexarm_node.loop_node import ENDED
+from flexarm_node.process import bounded_end
+from flexarm_node.stamps import stamp_ns, stamp_text
+from flexarm_node.topics.waiting import RawTopicsWaiter
+from flexarm_node.transport import set_up_middleware
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from rcl_interfaces.msg import ParameterValue
-    from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
-
-    from flexarm_bringup.graph.figures import Run
 
 _COMMANDS = ("command", "io_command")
 _SENDS = {"daq": ("state", "io"), "controller": _COMMANDS, "experiment": _COMMANDS}
@@ -40,6 +55,23 @@ _GOALS = {
     Transition.TRANSITION_CLEANUP: State.PRIMARY_STATE_UNCONFIGURED,
 }
 _COMPLAINTS_S = 1.0
+OPERATOR, REMOTE = "operator", "remote"
+"""Nodes of the verbs that start nodes, and of those in another terminal.
+
+With SROS2 all have the enclave of the first: who has its keys may operate the arm.
+"""
+
+# Ports of later ones are beyond 65535.
+_LAST_DOMAIN = 232
+STALLED_S = 30.0
+"""A run with hardly a new sample in this time has stalled."""
+_SLOWEST = 10
+"""So many samples come within that time however slow the run; in virtual time one whose answer does
+not come may take a third of it."""
+
+
+_SAMPLES = (("state", ArmState), ("io", IoSample))
+"""Topics of samples, of which a rig has one, and their types."""
 
 
 class Operator(ServiceClient):
@@ -253,3 +285,181 @@ class Operator(ServiceClient):
     def _why(self, name: str) -> str:
         complaint = self._complaint(name)
         return f": {complaint}" if complaint else ""
+
+
+@contextmanager
+def session(
+    name: str,
+    check: Callable[[], None] = lambda: None,
+    complaint: Callable[[str], str] = lambda _: "",
+    *,
+    namespace: str = NAMESPACE,
+) -> Iterator[Operator]:
+    """Join the graph of an arm as a node of this name and yield its operator; see `Operator`."""
+    with interruptible():
+        ros_domain()
+        set_up_middleware()
+        enclave = f"{namespace.rstrip('/')}/{OPERATOR}"
+        # Signals stay Python's.
+        rclpy.init(
+            args=["--ros-args", "--enclave", enclave],
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        try:
+            node = rclpy.create_node(name, namespace=namespace)
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            yield Operator(node, executor, check, complaint)
+        finally:
+            with bounded_end():
+                try_shutdown()
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Leave the block by a KeyboardInterrupt at SIGINT, SIGTERM or the end of the terminal.
+
+    A binding in C++ that calls Python may report one as an error of its own, such as "Unable to
+    convert call argument". The failure of a node, a `LaunchError`, is reported all the same.
+    """
+    # `nohup` has it ignored.
+    hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    with interruption.interruptible(signal.SIGINT, signal.SIGTERM, *[signal.SIGHUP] * hangs_up):
+        try:
+            yield
+        except LaunchError:
+            raise
+        except Exception as error:
+            if interruption.is_interrupted():
+                raise KeyboardInterrupt from error
+            raise
+
+
+def ros_domain() -> str:
+    """Return the ROS domain of this process.
+
+    Raises
+    ------
+    LaunchError
+        If the environment has none that the middleware has ports for.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (text.isdecimal() and int(text[:9]) <= _LAST_DOMAIN):
+        raise LaunchError(
+            f"ROS_DOMAIN_ID = {shown(text)}: must be a whole number of 0 to {_LAST_DOMAIN}"
+        )
+    return text
+
+
+class RunWatch:
+    """Watch of one run of the DAQ node at a time.
+
+    It looks at the newest sample when it is asked. An executor would call for every one of them,
+    and take as much of the processor as the law.
+
+    Parameters
+    ----------
+    node : Node
+        Node for the readers, in the namespace of the arm; whoever waits spins it.
+
+    Attributes
+    ----------
+    trouble : str
+        What holds the drive at zero or has ended the run, and when, as the node reports it; ""
+        while all is well.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._reporter = f"{node.get_namespace().rstrip('/')}/daq"
+        self.trouble = ""
+        self._states: RawTopicsWaiter | None = None
+        self._newest = 0
+        self._sampled_s = ""
+        self._figures: dict[str, str] | None = None
+        self._counted = 0
+        self._patience = Patience(STALLED_S)
+
+    def __enter__(self) -> RunWatch:  # noqa: PYI034 - Self needs Python 3.11
+        self.trouble = ""
+        self.listen()
+        self._figures = {}
+        topics = [(kind, name, qos.NEWEST) for name, kind in _SAMPLES]
+        self._states = RawTopicsWaiter(self._node, topics)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._states is not None:
+            self._states.close()
+            self._states = None
+        self._newest = 0
+
+    def listen(self) -> None:
+        """Hear the reports of the DAQ node from now on; a run does so by itself."""
+        if self._figures is None:
+            self._figures = {}
+            topic = "/diagnostics"
+            self._node.create_subscription(DiagnosticArray, topic, self._on_report, qos.EVERY)
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the loop has ended by a failure, which is the trouble then."""
+        return self.trouble.startswith(ENDED)
+
+    @property
+    def sequence(self) -> int:
+        """Number of the newest sample of the run; 0 before the first and between runs."""
+        waiting = [] if self._states is None else self._states.wait(0.0)
+        if waiting:
+            _, kind = _SAMPLES[waiting[-1].topic]
+            sample = deserialize_message(waiting[-1].raw, kind)
+            self._newest = sample.sequence
+            self._sampled_s = stamp_text(stamp_ns(sample.header.stamp))
+        return self._newest
+
+    def restart_clock(self) -> None:
+        """Count stalls from now on."""
+        self._counted, self._patience = 0, Patience(STALLED_S)
+
+    def stall(self) -> str:
+        """Return a stall of the run in words, or nothing."""
+        newest = self.sequence
+        if newest >= self._counted + _SLOWEST:
+            self._counted, self._patience = newest, Patience(STALLED_S)
+        if not self._patience.is_over:
+            return ""
+        new = newest - self._counted
+        return f"{new} new samples in {self._patience.waited_s:.0f} s after {self._counted}"
+
+    def has_reported(self) -> bool:
+        """Return whether the newest figures are those of the run's last sample."""
+        figures = self._figures or {}
+        # The last sample may have come since the last look.
+        is_newest = self.sequence > 0 and figures.get("last sample s") == self._sampled_s
+        return is_newest and figures["drive"] == "off"
+
+    def run(self) -> Run:
+        """Return the figures of the run, once they have been reported."""
+        figures = self._figures or {}
+        return Run(
+            int(figures["samples"]),
+            int(figures["missed periods"]),
+            float(figures["real-time factor"]),
+            off_rate=figures["off rate"],
+            reply_s=1e-3 * float(figures["reply p50 ms"]),
+        )
+
+    def _on_report(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == self._reporter:
+                self._figures = {each.key: each.value for each in status.values}
+                self.trouble = trouble_in(status) or self.trouble
+
+
+def trouble_in(status: DiagnosticStatus) -> str:
+    """Return what holds the drive or has ended its run by a report, and when; "" without it."""
+    if status.level != DiagnosticStatus.ERROR:
+        return ""
+    trouble = str(status.message).partition(": ")[2]
+    after_s = next((each.value for each in status.values if each.key == "held after s"), "")
+    return f"{trouble}, after {after_s} s of the run" if after_s else trouble

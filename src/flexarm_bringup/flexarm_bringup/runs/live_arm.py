@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import recorded_topics, running_graph
-from flexarm_bringup.runs.record_place import new_record, workplace
-from flexarm_bringup.runs.recorded_run import record_run
+from flexarm_bringup.runs.recorded_run import new_record, record_run, workplace
 from flexarm_control.commissioning.answers import judge_pulses, require_all_answer
 from flexarm_control.commissioning.programme import Programme
 from flexarm_core.channels import is_thesis_arm

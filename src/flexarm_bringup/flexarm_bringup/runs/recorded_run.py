@@ -1,16 +1,20 @@
-"""Recorded run: one run of the loop with its bag read back and found whole."""
+"""Recorded run: one run of the loop, whose bag is read back before it replaces another."""
 
 from __future__ import annotations
 
+import shutil
+from contextlib import contextmanager
+from itertools import count
 from typing import TYPE_CHECKING, NamedTuple
 
+from flexarm_bags.check import check_bag
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.pace import in_lockstep, pace_text
-from flexarm_bringup.runs.record_place import put_in_place
 from flexarm_ident.reading.read import read_bag_report
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from flexarm_bringup.graph.figures import Run
@@ -50,7 +54,7 @@ def record_run(
     text : str
         Words beside the progress.
     bag : Path, optional
-        Place of a complete record, as in `record_place`; by default it stays where it is.
+        Place of a complete record, as in `new_record`; by default it stays where it is.
 
     Raises
     ------
@@ -102,3 +106,58 @@ def require_whole(reading: BagReading, taken: int, *, lockstep: bool) -> None:
             f"{reading.unanswered} of {taken} samples had no command of their own: the drive was "
             "held at zero, or answers did not come; see nodes.log"
         )
+
+
+def workplace(bag: Path) -> Path:
+    """Return the folder in which the record of a bag is made."""
+    return bag.with_name(f"{bag.name}.new")
+
+
+@contextmanager
+def new_record(bag: Path) -> Iterator[Path]:
+    """Yield the path to record a bag at; afterwards keep a record that was not put in place.
+
+    A record that was not completed, or refused, is kept as `BAG.partial`, or `BAG.partial2` and so
+    on beside older ones.
+
+    Raises
+    ------
+    FileExistsError
+        When its workplace is there already.
+    LaunchError
+        As raised by the block, with the place in which the record is kept.
+    """
+    # The name of a bag is also that of the file in it.
+    record = workplace(bag) / bag.name
+    record.parent.mkdir()
+    partial = next(path for path in _partials(bag) if not path.exists())
+    try:
+        yield record
+    except LaunchError as error:
+        raise LaunchError(str(error).replace(str(record), str(partial))) from None
+    finally:
+        if _replaced(record).exists() and not bag.exists():
+            _replaced(record).rename(bag)
+        if record.exists() and check_bag(record).samples:
+            record.rename(partial)
+            terminal.CONSOLE.print(f"what was recorded is kept in {partial}")
+        shutil.rmtree(record.parent, ignore_errors=True)
+
+
+def _partials(bag: Path) -> Iterator[Path]:
+    """Yield the names of records that were not completed."""
+    yield bag.with_name(f"{bag.name}.partial")
+    yield from (bag.with_name(f"{bag.name}.partial{number}") for number in count(2))
+
+
+def put_in_place(record: Path, bag: Path) -> None:
+    """Put a record from `new_record` in the bag's place; an older bag is removed after that."""
+    if bag.exists():
+        bag.rename(_replaced(record))
+    record.rename(bag)
+    shutil.rmtree(record.parent)
+
+
+def _replaced(record: Path) -> Path:
+    """Return where the old bag is until the new one is in its place."""
+    return record.with_name(f"{record.name}.old")

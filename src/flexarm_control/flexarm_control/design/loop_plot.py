@@ -8,8 +8,8 @@ import numpy as np
 
 from flexarm_control.design.margins import LOWEST_HZ
 from flexarm_ident.report.plots import marks
-from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Panel, View, chart
+from flexarm_ident.report.plots.marks import Axis
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from flexarm_control.design.criteria import step_itae
+from flexarm_control.design.margins import Requirements, check_delay
 from flexarm_control.design.regulator_margins import RegulatorLoop
-from flexarm_control.design.requirements import Requirements, check_delay
 from flexarm_control.design.tuning import constant_input_response
 from flexarm_control.laws.ilqr import RegulatorWeights
 from flexarm_control.laws.regulator_loop import closed_loop

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from flexarm_control.design.margins import Requirements
 from flexarm_control.design.model_sources import is_nominal, parameter_name, payload_kg
 from flexarm_control.design.regulator_tuning import EFFORTS, tune_regulator
-from flexarm_control.design.requirements import Requirements
-from flexarm_control.design.search import gain_values
 from flexarm_control.design.tuning import (
     PDP_BOUNDS,
     PDP_MORE_STARTS,
     PDP_STARTS,
     PI_BOUNDS,
+    gain_values,
     tune_pdp,
     tune_pi,
 )

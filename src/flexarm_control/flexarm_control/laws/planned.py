@@ -21,8 +21,15 @@ from flexarm_control.laws.payload import (
 )
 from flexarm_control.laws.pdpc_plus import PdpcPlus
 from flexarm_control.planning.friction_observer import FrictionObserver
-from flexarm_control.planning.move import MoveSettings, plan
-from flexarm_control.planning.rigid_move import MOST_PHASES, Limits, Phase, fastest, what_is_left
+from flexarm_control.planning.move import (
+    MOST_PHASES,
+    Limits,
+    MoveSettings,
+    Phase,
+    fastest,
+    plan,
+    what_is_left,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,8 +40,7 @@ if TYPE_CHECKING:
     from flexarm_control.laws.pdpc_plus import Rest
     from flexarm_control.planning.flat_arm import FlatArm
     from flexarm_control.planning.friction_observer import FrictionSensing
-    from flexarm_control.planning.move import Move
-    from flexarm_control.planning.rigid_move import Phases
+    from flexarm_control.planning.move import Move, Phases
 
 _MOST_MOVES = 8
 """Moves that are played at once; a stream of set-points is followed in as many parts."""

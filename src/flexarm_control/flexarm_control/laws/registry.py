@@ -43,8 +43,7 @@ from flexarm_control.laws.planned import Planned
 from flexarm_control.laws.regulator_loop import stabilising_design
 from flexarm_control.laws.strain_limit import StrainLimit
 from flexarm_control.models.nominal_models import identified_model
-from flexarm_control.planning.fitted_arm import fitted_arm
-from flexarm_control.planning.flat_arm import ArmFigures
+from flexarm_control.planning.flat_arm import ArmFigures, fitted_arm
 from flexarm_control.planning.friction_observer import FrictionSensing
 from flexarm_control.planning.move import MoveSettings
 from flexarm_core.errors import SettingError

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_control.learning.smooth_move import command_weights, output_weights
+from flexarm_control.learning.trajectory import command_weights, output_weights
 from flexarm_control.models.arm_model import MIDDLE_STRAIN, POSITION
 from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import SettingError

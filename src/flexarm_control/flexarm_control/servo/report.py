@@ -15,8 +15,8 @@ from flexarm_ident.report.content.blocks import Plots, Table, Words
 from flexarm_ident.report.content.wording import sentence
 from flexarm_ident.report.page import render_page
 from flexarm_ident.report.plots import marks
-from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Panel, View, chart
+from flexarm_ident.report.plots.marks import Axis
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -16,8 +16,7 @@ from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.nearest import nearest
 from flexarm_core.own_modules import error_text, failed_line, own_module
 from flexarm_core.yaml_sections import sections_of
-from flexarm_daq.drivers.mujoco.arm import MujocoSettings
-from flexarm_daq.drivers.mujoco.rig import MujocoRig
+from flexarm_daq.drivers.mujoco.rig import MujocoRig, MujocoSettings
 from flexarm_daq.drivers.serial.rig import SerialRig, SerialSettings
 from flexarm_daq.drivers.settings import require_count, settings_of
 from flexarm_daq.drivers.tip_rig import TipRig, TipSettings

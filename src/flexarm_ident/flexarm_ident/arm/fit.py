@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.arm.descent import LAST_STEPS, descend
 from flexarm_ident.arm.equations import FrictionModel
-from flexarm_ident.arm.fitted_records import COST_OF_ZERO_ERROR, simulation_error
 from flexarm_ident.arm.friction_choice import choose_friction
 from flexarm_ident.arm.level_profile import (
     DESCENT,
@@ -24,7 +22,14 @@ from flexarm_ident.arm.level_profile import (
     law_figures,
     profile_levels,
 )
-from flexarm_ident.arm.simulation_error import SimulationError, deviations
+from flexarm_ident.arm.simulation_error import (
+    COST_OF_ZERO_ERROR,
+    LAST_STEPS,
+    SimulationError,
+    descend,
+    deviations,
+    simulation_error,
+)
 from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
 from flexarm_ident.friction.levels import SYSTEMATIC

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.arm.descent import LAST_STEPS, descend
 from flexarm_ident.arm.equations import FrictionModel
-from flexarm_ident.arm.simulation_error import Part
+from flexarm_ident.arm.simulation_error import LAST_STEPS, Part, descend
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

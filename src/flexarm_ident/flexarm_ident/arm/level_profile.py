@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.arm.descent import descend
+from flexarm_ident.arm.simulation_error import descend
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -25,7 +25,7 @@ from flexarm_ident.records.data_warning import PLANT_CHANGED, Grade
 from flexarm_ident.records.naming import short_names
 from flexarm_ident.records.span import part_options, without
 from flexarm_ident.subspace.feedback import reaches_inputs
-from flexarm_ident.subspace.segments import cut, segment_grams
+from flexarm_ident.subspace.gram import cut, segment_grams
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from flexarm_ident.diagnostics.check import Looked
     from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
-    from flexarm_ident.subspace.gram import BlockGram
-    from flexarm_ident.subspace.segments import Segment
+    from flexarm_ident.subspace.gram import BlockGram, Segment
 
 # Samples of the past. With fewer, the best predictor depends on how far a drifting output goes.
 _MEMORY = 24

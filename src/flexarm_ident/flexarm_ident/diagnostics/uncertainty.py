@@ -26,7 +26,7 @@ from flexarm_ident.models.modes import (
 )
 from flexarm_ident.models.state_space import WAYS, state_space
 from flexarm_ident.records.iodata import as_records
-from flexarm_ident.subspace.segments import SEGMENTS, cut, rows, segment_grams
+from flexarm_ident.subspace.gram import SEGMENTS, cut, rows, segment_grams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
-    from flexarm_ident.subspace.gram import BlockGram
-    from flexarm_ident.subspace.segments import Segment
+    from flexarm_ident.subspace.gram import BlockGram, Segment
     from flexarm_ident.subspace.subspace_protocol import StateMatrices
 
 Estimate = TypeVar("Estimate")

@@ -26,8 +26,8 @@ from flexarm_ident.diagnostics.stabilisation import Criteria, stabilisation, sub
 from flexarm_ident.diagnostics.uncertainty import deviation
 from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_ident.records.iodata import IoData, as_records
+from flexarm_ident.subspace.gram import cut, segment_grams
 from flexarm_ident.subspace.orse import past_instruments
-from flexarm_ident.subspace.segments import cut, segment_grams
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

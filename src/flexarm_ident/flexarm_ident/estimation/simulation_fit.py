@@ -18,8 +18,7 @@ import numpy as np
 from flexarm_core.errors import FlexarmError, IdentificationError
 from flexarm_ident.arm.fit import NO_BETTER, fit_arm
 from flexarm_ident.arm.notes import choice, levels_text, notes
-from flexarm_ident.estimation.candidates import fitted
-from flexarm_ident.estimation.weighing import TOLERANCE, WEIGHED_SAMPLES
+from flexarm_ident.estimation.weighing import TOLERANCE, WEIGHED_SAMPLES, fitted
 from flexarm_ident.fitting.refinement import refine_model
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error, relative_errors
@@ -33,8 +32,7 @@ from flexarm_ident.models.modes import is_defective, modal_form
 from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.signals import live_samples
-from flexarm_ident.subspace.choice import estimate
-from flexarm_ident.subspace.methods import METHODS
+from flexarm_ident.subspace.methods import METHODS, estimate
 from flexarm_ident.subspace.order import largest_order
 
 if TYPE_CHECKING:
@@ -48,7 +46,7 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.layout import ArmLayout
     from flexarm_ident.friction.levels import CoulombEstimate
     from flexarm_ident.records.source import Source
-    from flexarm_ident.subspace.choice import Selection
+    from flexarm_ident.subspace.methods import Selection
 
 ARM = "arm"
 """Method of a model that is an arm with dry friction."""

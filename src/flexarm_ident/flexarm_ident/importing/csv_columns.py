@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import TIME_UNIT_ENDING, TIME_UNITS_S, named_twice, time_unit_s
-from flexarm_ident.importing.csv_cells import CsvImportError
-from flexarm_ident.importing.csv_clock import is_clock, nanoseconds_of
+from flexarm_ident.importing.csv_cells import CsvImportError, is_clock, nanoseconds_of
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from flexarm_ident.importing.csv_table import columns_text, read_table, table_layout
 

@@ -17,13 +17,20 @@ from flexarm_core.labels import TIME_UNITS_S, counted
 from flexarm_ident.importing.csv_cells import (
     NAME,
     THOUSANDS,
+    Column,
     CsvImportError,
+    Rows,
     bare,
     decimal_mark,
+    in_seconds,
+    is_clock,
     is_value,
     is_word,
+    nanoseconds_of,
+    to_numbers,
+    without_stand_ins,
+    word_notes,
 )
-from flexarm_ident.importing.csv_clock import in_seconds, is_clock, nanoseconds_of
 from flexarm_ident.importing.csv_layout import (
     Layout,
     is_comment,
@@ -31,13 +38,6 @@ from flexarm_ident.importing.csv_layout import (
     lines_of,
     opened,
     read_layout,
-)
-from flexarm_ident.importing.csv_numbers import (
-    Column,
-    Rows,
-    to_numbers,
-    without_stand_ins,
-    word_notes,
 )
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.importing.csv_cells import Row
     from flexarm_ident.importing.csv_map import CsvMap
-    from flexarm_ident.importing.csv_numbers import Row
 
 # So many characters of the names, and so many lines, are shown.
 _LONGEST, _SHOWN = 500, 5

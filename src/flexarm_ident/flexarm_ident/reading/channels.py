@@ -11,10 +11,9 @@ from flexarm_core.clock import NS
 from flexarm_core.errors import BagError, DataError
 from flexarm_core.labels import counted, named_twice
 from flexarm_ident.reading.fields import parse_field, values_of, wrong_path, wrong_topic
-from flexarm_ident.reading.grid import ON_TIME
+from flexarm_ident.reading.grid import CUT, JITTER_TOLERANCE, ON_TIME, Run
+from flexarm_ident.reading.grid import notices as sampling_notices
 from flexarm_ident.reading.offsets import on_their_rows
-from flexarm_ident.reading.sampling import CUT, JITTER_TOLERANCE, Run
-from flexarm_ident.reading.sampling import notices as sampling_notices
 from flexarm_ident.reading.tracks import Evened, advances, drift, evened, lost_messages, track
 from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
 from flexarm_ident.records.data_warning import LOST_SAMPLES, PARTIAL_RECORD, SAMPLING, Grade
@@ -27,9 +26,8 @@ if TYPE_CHECKING:
 
     from flexarm_bags.reader import Bag, Grouped
     from flexarm_core.arrays import BoolArray
-    from flexarm_ident.reading.common_grid import CommonRows
     from flexarm_ident.reading.fields import Field
-    from flexarm_ident.reading.offsets import Offset
+    from flexarm_ident.reading.offsets import CommonRows, Offset
     from flexarm_ident.reading.tracks import Drift, Track
     from flexarm_ident.reading.wraps import Wrap
     from flexarm_ident.records.data_warning import DataWarning

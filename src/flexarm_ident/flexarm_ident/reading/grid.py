@@ -1,4 +1,4 @@
-"""Instants of samples on an even grid, from stamps and numbers.
+"""Instants of samples on an even grid, from stamps and numbers, and findings about them.
 
 The model is one of even samples. A rig that stalls, a recorder that loses messages and a clock that
 jitters give uneven ones. Here each sample gets its instant in periods, and each instant of the grid
@@ -18,7 +18,9 @@ import numpy as np
 
 from flexarm_core.clock import NS, nominal_rate_hz
 from flexarm_core.errors import DataError
-from flexarm_ident.records.holes import lagrange
+from flexarm_core.labels import counted, instant
+from flexarm_ident.records.data_warning import LOST_SAMPLES, PARTIAL_RECORD, SAMPLING, Grade
+from flexarm_ident.records.holes import holes_text, lagrange
 from flexarm_ident.records.signals import NORMAL_MAD
 
 if TYPE_CHECKING:
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
     Integers = NDArray[np.int64]
+    from flexarm_ident.records.data_warning import DataWarning
 
 ON_TIME = 0.1
 """A sample so near to its instant, in periods, is taken as it is."""
@@ -45,6 +48,10 @@ _LONGEST_HOLE_S = 60.0
 _NEAREST, _FURTHEST = 0.5, 2.5
 MOST_ROWS = 100
 """Rows for each sample: more come from pauses or bursts, and would fill the memory."""
+# Instants that scatter by this part of the period, RMS, matter to a model of even ones.
+JITTER_TOLERANCE = 0.1
+CUT = 0.05
+"""Part of a record that may be left out without harm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,3 +343,98 @@ def held(instants: FloatArray, values: FloatArray, rows: NDArray[np.int64]) -> F
     ends[firsts + counts - 1] = rows[mixed] + 1
     found[mixed] = np.add.reduceat((ends - starts)[:, np.newaxis] * values[acting], firsts)
     return found
+
+
+@dataclass(frozen=True)
+class Run:
+    """The longest run of samples with rising numbers.
+
+    Attributes
+    ----------
+    messages : slice
+        Its messages.
+    restarts : int
+        Restarts of the numbering on the topic.
+    """
+
+    messages: slice
+    restarts: int
+
+
+def longest_run(sequence: NDArray[np.int64]) -> Run:
+    """Return the longest run in which the numbers, (samples,), go up; of equal ones the first."""
+    cuts = np.flatnonzero(np.diff(sequence) < 1) + 1
+    edges = np.concatenate(([0], cuts, [len(sequence)]))
+    longest = int(np.argmax(np.diff(edges)))
+    return Run(slice(int(edges[longest]), int(edges[longest + 1])), len(cuts))
+
+
+def notices(run: Run, grid: Grid, messages: int) -> tuple[DataWarning, ...]:
+    """Return what is reported of restarts, holes and late samples, each where it applies.
+
+    Parameters
+    ----------
+    run : Run
+        The run that is used.
+    grid : Grid
+        Its samples on the grid.
+    messages : int
+        Messages on the topic.
+    """
+    return (*_restarted(run, messages), *_lost_samples(grid), *_clock_jitter(grid))
+
+
+def _restarted(run: Run, messages: int) -> tuple[DataWarning, ...]:
+    if not run.restarts:
+        return ()
+    first, last = run.messages.start, run.messages.stop - 1
+    text = (
+        f"the numbering starts again at {counted(run.restarts, 'place')}: used messages {first} "
+        f"to {last} of {messages}, the longest run"
+    )
+    figures = {
+        "places": float(run.restarts),
+        "first": float(first),
+        "last": float(last),
+        "messages": float(messages),
+    }
+    return (PARTIAL_RECORD(text, figures),)
+
+
+def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
+    if not grid.missing.any():
+        return ()
+    text, figures = holes_text(grid.missing, grid.period_s, lost=grid.lost)
+    for pause_s in grid.pauses_s:
+        text += (
+            f"; a pause of {pause_s:.6g} s counts as one of {grid.samples * grid.period_s:.6g} s"
+        )
+    harmless = figures["left_out"] <= CUT * grid.rows
+    grade = Grade.INFORMATION if harmless else Grade.CAUTION
+    return (LOST_SAMPLES(text, figures, grade=grade),)
+
+
+def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:
+    off = grid.instants - np.rint(grid.instants)
+    late = np.abs(off) > LATEST
+    deviation = float(np.sqrt(np.mean(off**2)))
+    if not late.any() and deviation <= JITTER_TOLERANCE:
+        return ()
+    worst = int(np.argmax(np.abs(off)))
+    row = int(np.rint(grid.instants[worst]))
+    period_ms = 1e3 * grid.period_s
+    text = (
+        f"{int(late.sum())} of {len(off)} samples were taken more than {LATEST:g} periods off "
+        f"their instants, the worst by {period_ms * off[worst]:+.3f} ms at "
+        f"{instant(row, grid.period_s)} (all {period_ms * deviation:.3f} ms RMS, the period is "
+        f"{period_ms:.3f} ms): they were referred to their instants by their neighbours"
+    )
+    figures = {
+        "late": float(late.sum()),
+        "samples": float(len(off)),
+        "worst_s": grid.period_s * float(off[worst]),
+        "row": float(row),
+        "period_s": grid.period_s,
+        "deviation_s": grid.period_s * deviation,
+    }
+    return (SAMPLING(text, figures),)

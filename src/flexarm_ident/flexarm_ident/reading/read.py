@@ -31,10 +31,9 @@ from flexarm_core.clock import NS
 from flexarm_core.errors import BagError, SettingError
 from flexarm_core.labels import instant, without_dots
 from flexarm_core.rig_description import described
-from flexarm_ident.reading.alignment import arm_alignment, io_alignment
+from flexarm_ident.reading.alignment import BagStream, arm_alignment, io_alignment
 from flexarm_ident.reading.channels import selected
 from flexarm_ident.reading.fields import number_fields, numbers_in
-from flexarm_ident.reading.stream import BagStream
 from flexarm_ident.records.data_warning import PLANT_CHANGED, Grade
 from flexarm_ident.records.span import part_options
 
@@ -189,7 +188,7 @@ def fields_of(uri: Path | str) -> list[str]:
 def read_channels(uri: Path | str, selection: Selection, *, wrap: float | None = None) -> IoData:
     """Read numbers of any topics as the record of an experiment, from a bag of any ROS 2 program.
 
-    The record has the period of the densest output; `common_grid` says how the others come to it.
+    The record has the period of the densest output; `offsets` says how the others come to it.
 
     Parameters
     ----------

@@ -13,8 +13,7 @@ import numpy as np
 
 from flexarm_core.clock import NS
 from flexarm_core.errors import DataError
-from flexarm_ident.reading.grid import held, on_grid, place
-from flexarm_ident.reading.sampling import longest_run, notices
+from flexarm_ident.reading.grid import held, longest_run, notices, on_grid, place
 from flexarm_ident.records.holes import joined
 
 if TYPE_CHECKING:
@@ -23,8 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.reading.grid import Grid
-    from flexarm_ident.reading.sampling import Run
+    from flexarm_ident.reading.grid import Grid, Run
     from flexarm_ident.records.data_warning import DataWarning
 
     Integers = NDArray[np.int64]

@@ -16,8 +16,14 @@ from flexarm_core.workers import Workers, computed
 from flexarm_ident.job import REPORT_FILE, begun, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.records.span import EVERYTHING, Span
-from flexarm_ident.series.rows import Row, model_cells, read_rows, write_rows
-from flexarm_ident.series.trend import trend_page, trend_plot
+from flexarm_ident.series.rows import (
+    Row,
+    model_cells,
+    read_rows,
+    trend_page,
+    trend_plot,
+    write_rows,
+)
 from flexarm_ident.workflow.stages import run
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import numpy as np
 
 from flexarm_core.errors import DataError, IdentificationError
 from flexarm_ident.models.state_space import is_stable
+from flexarm_ident.subspace.gram import cut, segment_grams
 from flexarm_ident.subspace.pbsid import past_length, predictor_space
-from flexarm_ident.subspace.segments import cut, segment_grams
 from flexarm_ident.subspace.subspace_protocol import LARGEST_ORDER
 
 if TYPE_CHECKING:

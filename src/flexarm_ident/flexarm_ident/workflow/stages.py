@@ -13,9 +13,14 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.diagnostics.quality import graded
-from flexarm_ident.estimation.pipeline import identify
+from flexarm_ident.estimation.pipeline import (
+    excerpt,
+    identify,
+    leading,
+    validate_stream,
+    without_bias,
+)
 from flexarm_ident.estimation.simulation_fit import is_compensated
-from flexarm_ident.estimation.streaming import excerpt, leading, validate_stream, without_bias
 from flexarm_ident.fitting.validation import (
     LAW_OUTPUTS,
     mean_error,

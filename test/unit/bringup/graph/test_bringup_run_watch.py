@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from flexarm_bringup.graph.run_watch import trouble_in
+from flexarm_bringup.graph.operator import trouble_in
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 STUCK = "the drive is held at zero: position_v is stuck at 0.000 V"

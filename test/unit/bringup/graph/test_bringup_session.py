@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from flexarm_bringup.graph.operator import interruptible, ros_domain
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.graph.session import interruptible, ros_domain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

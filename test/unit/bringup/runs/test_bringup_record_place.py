@@ -8,8 +8,7 @@ import pytest
 from flexarm_bags.check import check_bag
 from flexarm_bags.writer import BagWriter
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.runs.record_place import new_record, put_in_place, workplace
-from flexarm_bringup.runs.recorded_run import require_whole
+from flexarm_bringup.runs.recorded_run import new_record, put_in_place, require_whole, workplace
 from flexarm_ident.reading.read import read_bag_report
 from support.bag_samples import START_NS, Sent, arm_state, recorded_topics, write_bag
 

@@ -11,11 +11,7 @@ from flexarm_control.design.regulator_margins import RegulatorLoop, law_loop
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.laws.ilqr import IlqrWeights, design_ilqr
 from flexarm_control.laws.registry import LAWS
-from flexarm_control.laws.regulator_loop import (
-    closed_loop,
-    controller_model,
-    stabilising_design,
-)
+from flexarm_control.laws.regulator_loop import closed_loop, controller_model, stabilising_design
 from flexarm_control.models.nominal_models import identified_model, nominal_model
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ import pytest
 from flexarm_control import ControlError, build_law, nominal_model, tune_pdp, tune_pi
 from flexarm_control.design import model_sources, tuning_job
 from flexarm_control.design.model_sources import friction_levels_v, load_models
-from flexarm_control.design.search import Search
-from flexarm_control.design.tuning import PdpTuning
+from flexarm_control.design.tuning import PdpTuning, Search
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.gains import PdpGains, PiGains, Sampling
 from flexarm_control.laws.pi import Pi

@@ -6,8 +6,7 @@ import re
 
 import pytest
 
-from flexarm_control.design.search import Search
-from flexarm_control.design.tuning import PdpTuning, PiTuning, tune_pi
+from flexarm_control.design.tuning import PdpTuning, PiTuning, Search, tune_pi
 from flexarm_control.design.tuning_job import confirmation, pi_stopped_by, stopped_by
 from flexarm_control.laws.gains import PdpGains, PiGains
 from flexarm_control.models.nominal_models import nominal_model

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexarm_control.learning.smooth_move import progress, unit_move
+from flexarm_control.learning.trajectory import progress, unit_move
 from flexarm_control.planning.flat_arm import ArmFigures
 from support.flat_model import held
 

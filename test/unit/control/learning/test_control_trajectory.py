@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from flexarm_control.laws.law_protocol import Effort
-from flexarm_control.learning.smooth_move import unit_move
-from flexarm_control.learning.trajectory import Trajectory, bending_hub, planned_trajectory
+from flexarm_control.learning.trajectory import (
+    Trajectory,
+    bending_hub,
+    planned_trajectory,
+    unit_move,
+)
 from flexarm_control.planning.flat_arm import ArmFigures
 from flexarm_core.errors import SettingError
 from flexarm_daq import RigParameters, SimulatedRig

@@ -11,10 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_control.models.arm_model import OUTPUTS
-from flexarm_control.planning.fitted_arm import fitted_arm
-from flexarm_control.planning.flat_arm import ArmFigures, FlatArm
-from flexarm_control.planning.move import plan
-from flexarm_control.planning.rigid_move import Limits, duration_s, fastest, what_is_left
+from flexarm_control.planning.flat_arm import ArmFigures, FlatArm, fitted_arm
+from flexarm_control.planning.move import Limits, duration_s, fastest, plan, what_is_left
 from flexarm_core.errors import SettingError
 from flexarm_ident.models.state_space import state_space
 from support.flat_model import held

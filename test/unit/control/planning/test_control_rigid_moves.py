@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from flexarm_control.planning.flat_arm import ArmFigures, FlatArm
-from flexarm_control.planning.rigid_move import (
+from flexarm_control.planning.move import (
     LONGEST_S,
     Limits,
     Phase,

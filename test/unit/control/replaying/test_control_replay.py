@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_control.replaying.comparison import replay
-from flexarm_control.replaying.record import NOT_RECORDED
+from flexarm_control.replaying.comparison import NOT_RECORDED, replay
 from flexarm_core.errors import SettingError
 from support.controlled_loop import (
     PERIOD_NS,
@@ -22,8 +21,7 @@ from support.controlled_loop import (
 )
 
 if TYPE_CHECKING:
-    from flexarm_control.replaying.comparison import Replay
-    from flexarm_control.replaying.record import LoopRecord
+    from flexarm_control.replaying.comparison import LoopRecord, Replay
 
 SAMPLES = 100
 # The formulas here may be rounded otherwise where they are not written as the law has them.

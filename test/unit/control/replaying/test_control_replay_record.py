@@ -11,8 +11,7 @@ import pytest
 
 from flexarm_control.loop_setup import Setup, parameters_in
 from flexarm_control.models.nominal_models import identified_model
-from flexarm_control.replaying.comparison import replay
-from flexarm_control.replaying.record import NOT_RECORDED, answered_rows, read_loop
+from flexarm_control.replaying.comparison import NOT_RECORDED, answered_rows, read_loop, replay
 from flexarm_core.errors import BagError, SettingError
 from flexarm_ident.models.files import save_model
 from support.bag_samples import (

@@ -8,16 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_control.shaping.recommendation import (
+from flexarm_control.shaping.shapers import (
     ACCELERATION_MM_S2,
     ALLOWED,
+    PARTED,
     SeenMode,
+    Vibration,
     compared_shapers,
+    impulses,
     recommended,
     remaining_vibration,
     smoothing_mm,
 )
-from flexarm_control.shaping.shapers import PARTED, Vibration, impulses
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray

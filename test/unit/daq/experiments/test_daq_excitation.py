@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from flexarm_core.channels import BOUND_V
 from flexarm_core.waves import Band
-from flexarm_daq.experiments.band_waves import binary_sequence
 from flexarm_daq.experiments.excitation import (
     EXCITATIONS,
     HOLD_S,
@@ -24,6 +23,7 @@ from flexarm_daq.experiments.excitation import (
     Random,
     Square,
     VaryingSquare,
+    binary_sequence,
 )
 
 RATE_HZ = 300.0

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from flexarm_bags.sequence import sequence_of
-from flexarm_daq.nodes.player_node import Pacer, StandIn
+from flexarm_daq.nodes.play_clock import Pacer, StandIn
 from support.bag_samples import START_NS, arm_state
 from support.serialised import stamp_of
 

@@ -12,8 +12,8 @@ from flexarm_ident.diagnostics.channel_defects import duplicates
 from flexarm_ident.diagnostics.excitation import excited_band_hz, few_values
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.records.data_warning import DataWarning, Grade
-from flexarm_ident.subspace.choice import select_method
 from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.methods import select_method
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 if TYPE_CHECKING:

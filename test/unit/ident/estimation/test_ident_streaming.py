@@ -13,7 +13,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from flexarm_core.errors import BagError
 from flexarm_ident import DataError, IdentificationError, IoData, identify, job, read_bag
-from flexarm_ident.estimation.streaming import EXCERPT_SAMPLES, without_bias
+from flexarm_ident.estimation.pipeline import EXCERPT_SAMPLES, without_bias
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.reading.read import stream_bag
 from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, remove_compensation

@@ -11,17 +11,17 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData, identify, validate_dmv
-from flexarm_ident.estimation.candidates import Candidate, fitted
 from flexarm_ident.estimation.weighing import (
     WEIGHED_SAMPLES,
+    Candidate,
     Choice,
     Weighed,
+    fitted,
     most_parsimonious,
     spread,
 )
 from flexarm_ident.fitting.validation import mean_error
-from flexarm_ident.subspace.choice import estimate
-from flexarm_ident.subspace.methods import METHODS
+from flexarm_ident.subspace.methods import METHODS, estimate
 from support.exhaustive import first_of
 from support.ident_systems import DT_S, random_model, record, square_wave
 from support.project import SHARED

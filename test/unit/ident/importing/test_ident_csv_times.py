@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_ident import read_bag
-from flexarm_ident.importing.csv_clock import clock_s, is_clock
+from flexarm_ident.importing.csv_cells import clock_s, is_clock
 from flexarm_ident.importing.csv_import import import_csv
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from support.bag_samples import typestore

@@ -9,8 +9,7 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin
 
 from flexarm_ident import read_channels, selection
-from flexarm_ident.reading.common_grid import common_rows
-from flexarm_ident.reading.offsets import on_their_rows
+from flexarm_ident.reading.offsets import common_rows, on_their_rows
 from flexarm_ident.reading.tracks import Evened, Track, evened
 from support.bag_samples import START_NS
 from support.foreign_bags import FINE_HZ, float64, float64_arrays, responses, write_topics

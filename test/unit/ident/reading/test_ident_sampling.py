@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexarm_ident.reading.grid import Grid, place
-from flexarm_ident.reading.sampling import Run, longest_run, notices
+from flexarm_ident.reading.grid import Grid, Run, longest_run, notices, place
 from flexarm_ident.records.data_warning import Grade
 
 PERIOD_NS = 3_333_333

@@ -11,9 +11,8 @@ import pytest
 
 from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident.models.modes import ModeUncertainty, frequency_grid, ranked_modes
-from flexarm_ident.report.plots.axis import Axis, SecondUnit
 from flexarm_ident.report.plots.frequency_plot import frequency_plot
-from flexarm_ident.report.plots.marks import HEIGHT, WIDTH, between, dots, line
+from flexarm_ident.report.plots.marks import HEIGHT, WIDTH, Axis, SecondUnit, between, dots, line
 from flexarm_ident.report.plots.order_plots import cost_plot, singular_value_plot
 from flexarm_ident.report.plots.time_plots import (
     ARM_UNITS,

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_core.errors import DataError
-from flexarm_ident.series.rows import Row, read_rows, write_rows
-from flexarm_ident.series.trend import trend_page, trend_plot
+from flexarm_ident.series.rows import Row, read_rows, trend_page, trend_plot, write_rows
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,9 +9,9 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData, identify
-from flexarm_ident.subspace.choice import select_method, whiteness_test
 from flexarm_ident.subspace.feedback import feedback_test, reaches_inputs
 from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.methods import select_method, whiteness_test
 from flexarm_ident.subspace.orse import innovation_scaled
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 

@@ -17,8 +17,7 @@ from flexarm_bags.metadata import BAG_FILES
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.live_arm import LiveArm, answers_to_pulses, live_arm
-from flexarm_bringup.runs.record_place import new_record, workplace
-from flexarm_bringup.runs.recorded_run import record_run
+from flexarm_bringup.runs.recorded_run import new_record, record_run, workplace
 from flexarm_bringup.verbs.laboratory.options import USUAL_RIG, rig_parameter
 from flexarm_control.commissioning.answers import soft_loop
 from flexarm_control.joint_laws import require_known_outputs

@@ -17,8 +17,8 @@ from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import LABORATORY, recorded_topics, running_graph
+from flexarm_bringup.graph.operator import RunWatch
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.graph.run_watch import RunWatch
 from flexarm_bringup.verbs.laboratory.live_page import (
     FOXGLOVE,
     FOXGLOVE_NODE,

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flexarm_bringup.console import terminal
-from flexarm_control.shaping.recommendation import (
+from flexarm_control.shaping.shapers import (
     ACCELERATION_MM_S2,
     ALLOWED,
     CORNER_MM_S,
     LARGEST_SMOOTHING_MM,
     SeenMode,
     ShaperFigures,
+    Vibration,
     compared_shapers,
     recommended,
 )
-from flexarm_control.shaping.shapers import Vibration
 from flexarm_core.labels import counted, label_and_unit, with_deviation
 from flexarm_core.outputs import MARK_KEY, require_place
 from flexarm_ident.estimation.output_only import OutputMode, OutputModes, identify_modes
@@ -27,8 +27,8 @@ from flexarm_ident.job import REPORT_FILE, model_name, read_whole
 from flexarm_ident.report.content.blocks import Block, Code, Plots, Table, Words
 from flexarm_ident.report.page import render_page
 from flexarm_ident.report.plots import marks
-from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Panel, View, chart
+from flexarm_ident.report.plots.marks import Axis
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,8 +11,8 @@ import click
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.quantity import FiniteRange
 from flexarm_bringup.console.verb_group import examples
+from flexarm_control.replaying.comparison import read_loop
 from flexarm_control.replaying.comparison import replay as replayed
-from flexarm_control.replaying.record import read_loop
 from flexarm_core.errors import BagError, SettingError
 
 if TYPE_CHECKING:

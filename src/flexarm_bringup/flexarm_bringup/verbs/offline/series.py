@@ -9,8 +9,8 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_core.labels import counted
+from flexarm_ident.series.rows import figures
 from flexarm_ident.series.run import PAGE_FILE, TABLE_FILE, identify_each
-from flexarm_ident.series.trend import figures
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,8 +9,7 @@ from flexarm_bringup.console.verb_group import is_of_ros
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from flexarm_bringup.verbs.simulated.run_settings import RunSettings
-    from flexarm_bringup.verbs.simulated.simulated_run import SimulatedRun
+    from flexarm_bringup.verbs.simulated.simulated_run import RunSettings, SimulatedRun
 
 
 def simulated_run(settings: RunSettings) -> AbstractContextManager[SimulatedRun]:

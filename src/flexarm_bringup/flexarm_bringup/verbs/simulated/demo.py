@@ -13,13 +13,14 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.verbs.simulated.chosen_run import simulated_run
-from flexarm_bringup.verbs.simulated.run_settings import (
+from flexarm_bringup.verbs.simulated.simulated_run import (
     REPORT_FILE,
+    SET_POINT_V,
     SUMMARY_FILE,
     RunSettings,
     run_options,
+    versions,
 )
-from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V, versions
 from flexarm_core.outputs import MARK_KEY
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
@@ -31,8 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_bringup.runs.recorded_run import RecordedRun
-    from flexarm_bringup.verbs.simulated.simulated_run import IdentifiedModel
-    from flexarm_bringup.verbs.simulated.step_results import ControlledStep
+    from flexarm_bringup.verbs.simulated.simulated_run import ControlledStep, IdentifiedModel
 
 REDUCED_ORDER = 10
 # The move is over in less than a second; the figures have a mean over the last two.

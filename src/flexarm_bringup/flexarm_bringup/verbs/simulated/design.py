@@ -15,17 +15,18 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.offline.servo import run_servo, servo_options
 from flexarm_bringup.verbs.simulated.chosen_run import simulated_run
-from flexarm_bringup.verbs.simulated.run_settings import (
+from flexarm_bringup.verbs.simulated.simulated_run import (
+    REPLY_DELAY_S,
     REPORT_FILE,
+    SET_POINT_V,
     SUMMARY_FILE,
     RunSettings,
     run_options,
+    versions,
 )
-from flexarm_bringup.verbs.simulated.simulated_run import REPLY_DELAY_S
-from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V, versions
 from flexarm_control.design.loop_plot import loop_plot
+from flexarm_control.design.margins import Requirements
 from flexarm_control.design.regulator_margins import law_loop
-from flexarm_control.design.requirements import Requirements
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.rigid_and_bending import bending_modes
@@ -39,8 +40,7 @@ from flexarm_ident.report.page import append_section
 from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
-    from flexarm_bringup.verbs.simulated.simulated_run import IdentifiedModel
-    from flexarm_bringup.verbs.simulated.step_results import ControlledStep
+    from flexarm_bringup.verbs.simulated.simulated_run import ControlledStep, IdentifiedModel
     from flexarm_control.design.margins import Loop, Margins
     from flexarm_control.design.tuning_job import TuneResult
 

@@ -14,14 +14,15 @@ import numpy as np
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.simulated.chosen_run import simulated_run
-from flexarm_bringup.verbs.simulated.run_settings import (
+from flexarm_bringup.verbs.simulated.simulated_run import (
+    ENTRY,
+    REPLY_DELAY_S,
     REPORT_FILE,
     SUMMARY_FILE,
     RunSettings,
     run_options,
+    versions,
 )
-from flexarm_bringup.verbs.simulated.simulated_run import ENTRY, REPLY_DELAY_S
-from flexarm_bringup.verbs.simulated.step_results import versions
 from flexarm_control.laws.gains import TunedPdpGains
 from flexarm_control.learning.columns import read_reference, write_trajectory
 from flexarm_control.learning.repetition import best, improved, learned, without_model

@@ -19,9 +19,9 @@ from flexarm_bringup.verbs.laboratory.live_page import (
     PageSettings,
     announce_task,
 )
-from flexarm_bringup.verbs.simulated.run_settings import MODELS_FOLDER
 from flexarm_bringup.verbs.simulated.simulated_run import (
     ENTRY,
+    MODELS_FOLDER,
     REPLY_DELAY_S,
     IdentifiedModel,
     SimulatedRun,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.graph.processes import NodeProcesses
     from flexarm_bringup.runs.recorded_run import RecordedRun
-    from flexarm_bringup.verbs.simulated.run_settings import RunSettings
+    from flexarm_bringup.verbs.simulated.simulated_run import RunSettings
     from flexarm_ident.workflow.request import Request
     from flexarm_msgs.msg import ModeSummary
 

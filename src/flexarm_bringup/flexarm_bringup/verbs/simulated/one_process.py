@@ -10,9 +10,9 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.direct_run import DirectRun
 from flexarm_bringup.runs.pace import Pace
-from flexarm_bringup.verbs.simulated.run_settings import MODELS_FOLDER
 from flexarm_bringup.verbs.simulated.simulated_run import (
     ENTRY,
+    MODELS_FOLDER,
     REPLY_DELAY_S,
     IdentifiedModel,
     SimulatedRun,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_bringup.runs.recorded_run import RecordedRun
-    from flexarm_bringup.verbs.simulated.run_settings import RunSettings
+    from flexarm_bringup.verbs.simulated.simulated_run import RunSettings
     from flexarm_ident.workflow.request import Request
 
 

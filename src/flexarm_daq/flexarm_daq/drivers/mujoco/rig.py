@@ -1,22 +1,27 @@
-"""Rig in MuJoCo, in virtual or in real time, and its bodies."""
+"""Rig in MuJoCo: actuators and sensors by name, whole steps, bodies, virtual or real time."""
 
 from __future__ import annotations
 
+import re
+import sys
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.resources import as_file, files
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from flexarm_core.errors import SettingError, one_line
+from flexarm_core.nearest import nearest
 from flexarm_core.signals import RigSample, steps_to
-from flexarm_daq.drivers.mujoco.arm import MujocoArm, engine
-from flexarm_daq.rigs.late_readings import LateReadings
+from flexarm_daq.rigs.late_readings import LateReadings, SensorSettings, require_from_zero
 from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_daq.drivers.mujoco.arm import MujocoSettings
 
 _KINDS: Final = {
     "mjGEOM_SPHERE": "sphere",
@@ -33,6 +38,9 @@ _NO_COLOUR: Final = (0.5, 0.5, 0.5, 1.0)
 """Colour of a solid to which the model gives none; a single precision number is exact there."""
 _SEEN_GROUPS: Final = 3
 """The engine's own viewer shows as many groups at first: those behind are for collisions."""
+INSTALL: Final = f'{sys.executable} -m pip install "mujoco>=3.3,<5"'
+"""Command that installs the engine."""
+_ENTRY = re.compile(r"(.+)\[(\d+)\]")
 
 
 class MujocoRig:
@@ -191,3 +199,211 @@ def _turned(vector: FloatArray, turn: FloatArray) -> FloatArray:
     w, axis = turn[0], turn[1:]
     twice = 2.0 * np.cross(axis, vector)
     return np.asarray(vector + w * twice + np.cross(axis, twice))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MujocoSettings(SensorSettings):
+    """Settings of the driver `mujoco`.
+
+    A sensor is named ``NAME[INDEX]`` for an entry of one with several, or ``jointpos:JOINT`` or
+    ``jointvel:JOINT``. The mass of the payload is added to a body, at its centre of mass.
+
+    Attributes
+    ----------
+    model : str
+        MJCF or URDF file, a relative one beside the description; or ``thesis_arm`` or ``two_link``.
+    actuators : tuple of str
+        Actuator of each input, or ``motor:JOINT`` for a torque at a joint that has none.
+    substeps : int
+        Steps of the engine in a period; 0 for as many as the model's own time step needs.
+    payload_body : str
+        Body that carries the payload.
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range, or a list has not one for every output.
+    """
+
+    model: str
+    actuators: tuple[str, ...]
+    substeps: int = 0
+    payload_body: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_from_zero(self, "substeps")
+        if self.payload_kg and not self.payload_body:
+            raise SettingError("settings.payload_kg needs settings.payload_body, which carries it")
+
+
+class MujocoArm:
+    """State of an arm in MuJoCo, at rest at time zero.
+
+    Parameters
+    ----------
+    settings : MujocoSettings
+        Model and names.
+    folder : Path
+        Where a relative model file begins.
+
+    Attributes
+    ----------
+    model, data : mujoco.MjModel, mujoco.MjData
+        The engine's own view.
+    step_s : float
+        Time step, a whole part of the period, s.
+
+    Raises
+    ------
+    RigError
+        If MuJoCo is not installed.
+    SettingError
+        If there is no such model, or it lacks a name.
+    """
+
+    def __init__(self, settings: MujocoSettings, folder: Path) -> None:
+        self._mujoco = engine()
+        # By default a file in the working folder gets them; `advance` reports what diverges.
+        self._mujoco.set_mju_user_warning(lambda _: None)
+        self.model = self._compiled(settings, folder)
+        self.substeps = settings.substeps or max(
+            1, round(1.0 / (settings.rate_hz * self.model.opt.timestep))
+        )
+        self.step_s = 1.0 / (settings.rate_hz * self.substeps)
+        self.model.opt.timestep = self.step_s
+        # By default the engine begins anew at rest, in silence, when a state is not a number.
+        self.model.opt.disableflags |= self._mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        self.data = self._mujoco.MjData(self.model)
+        if settings.payload_body:
+            self._load(settings.payload_body, settings.payload_kg)
+        self._inputs = [
+            self._number("ACTUATOR", name.replace(":", "_"), "actuators", name)
+            for name in settings.actuators
+        ]
+        self._outputs = [self._address(name) for name in settings.sensors]
+        self._steps = 0
+
+    @property
+    def time_s(self) -> float:
+        """Time of the state, s."""
+        return self._steps * self.step_s
+
+    def command(self, commands: FloatArray) -> None:
+        """Set the actuators, (inputs,), in their units, from the present step on."""
+        self.data.ctrl[self._inputs] = commands
+
+    def advance(self, steps: int) -> None:
+        """Move on by a number of steps.
+
+        Raises
+        ------
+        RigError
+            If a state is not a finite number.
+        """
+        self._mujoco.mj_step(self.model, self.data, steps)
+        self._steps += steps
+        if not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
+            raise RigError(
+                f"the model diverged before {self.time_s:.3f} s with steps of {self.step_s:.2g} s: "
+                "set more substeps"
+            )
+
+    def outputs(self) -> FloatArray:
+        """Return the sensors of the present state, (outputs,), in their units."""
+        # After a step, the sensors are still those of the state before it.
+        self._mujoco.mj_forward(self.model, self.data)
+        readings: FloatArray = self.data.sensordata[self._outputs]
+        return readings
+
+    def _compiled(self, settings: MujocoSettings, folder: Path) -> Any:  # noqa: ANN401 - of the engine
+        try:
+            spec = self._spec(settings.model, folder)
+            _add_motors(spec, settings.actuators)
+            _add_joint_sensors(self._mujoco, spec, settings.sensors)
+            return spec.compile()
+        except (ValueError, self._mujoco.FatalError) as error:
+            raise SettingError(f"settings.model = {settings.model}: {one_line(error)}") from None
+
+    def _spec(self, model: str, folder: Path) -> Any:  # noqa: ANN401 - of the engine
+        packaged = files(__package__).joinpath(f"{model}.xml")
+        if packaged.is_file():
+            with as_file(packaged) as file:
+                return self._mujoco.MjSpec.from_file(str(file))
+        file = folder / model
+        if not file.is_file():
+            raise SettingError(
+                f"settings.model = {model}: there is no file {file}, and no packaged model of that "
+                "name: thesis_arm, two_link"
+            )
+        return self._mujoco.MjSpec.from_file(str(file))
+
+    def _load(self, body: str, payload_kg: float) -> None:
+        number = self._number("BODY", body, "payload_body", body)
+        self.model.body_mass[number] += payload_kg
+        self._mujoco.mj_setConst(self.model, self._mujoco.MjData(self.model))
+
+    def _address(self, name: str) -> int:
+        found = _ENTRY.fullmatch(name)
+        base, index = (found[1], int(found[2])) if found else (name, 0)
+        number = self._number("SENSOR", base.replace(":", "_"), "sensors", name)
+        entries = int(self.model.sensor_dim[number])
+        if not (index < entries and (found or entries == 1)):
+            raise SettingError(
+                f"settings.sensors: {base} has {entries} entries: name one, {base}[0] to "
+                f"{base}[{entries - 1}]"
+            )
+        return int(self.model.sensor_adr[number]) + index
+
+    def _number(self, kind: str, name: str, setting: str, said: str) -> int:
+        number = self._mujoco.mj_name2id(
+            self.model, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), name
+        )
+        if number < 0:
+            count = getattr(self.model, {"ACTUATOR": "nu", "SENSOR": "nsensor"}.get(kind, "nbody"))
+            lookup = getattr(self.model, kind.lower())
+            known = [lookup(each).name for each in range(count)]
+            raise SettingError(
+                f"settings.{setting}: the model has no {kind.lower()} {said}"
+                f"{nearest(said, known)}: it has {', '.join(filter(None, known)) or 'none'}"
+            )
+        return int(number)
+
+
+def engine() -> Any:  # noqa: ANN401 - an optional module
+    """Return MuJoCo; a RigError says how to install it."""
+    try:
+        return import_module("mujoco")
+    except ImportError as error:
+        raise RigError(f"MuJoCo cannot be imported ({error}): install it with {INSTALL}") from None
+
+
+def _joints(spec: Any, names: Iterable[str], kind: str) -> list[str]:  # noqa: ANN401 - of the engine
+    """Return the joints that names of the form KIND:JOINT say."""
+    joints = [name.partition(":")[2] for name in names if name.startswith(f"{kind}:")]
+    known = [each.name for each in spec.joints]
+    for joint in joints:
+        if joint not in known:
+            raise SettingError(
+                f"settings: {kind}:{joint}: the model has no joint {joint}"
+                f"{nearest(joint, known)}: it has {', '.join(known) or 'none'}"
+            )
+    return joints
+
+
+def _add_motors(spec: Any, actuators: tuple[str, ...]) -> None:  # noqa: ANN401 - of the engine
+    """Give joints a motor, as models of URDF files have none."""
+    mujoco = engine()
+    for joint in _joints(spec, actuators, "motor"):
+        spec.add_actuator(name=f"motor_{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+
+
+def _add_joint_sensors(mujoco: Any, spec: Any, sensors: tuple[str, ...]) -> None:  # noqa: ANN401
+    for kind in ("jointpos", "jointvel"):
+        for joint in _joints(spec, sensors, kind):
+            spec.add_sensor(
+                name=f"{kind}_{joint}",
+                type=getattr(mujoco.mjtSensor, f"mjSENS_{kind.upper()}"),
+                objtype=mujoco.mjtObj.mjOBJ_JOINT,
+                objname=joint,
+            )

@@ -18,7 +18,7 @@ from flexarm_ident.report.plots.marks import HEIGHT, WIDTH, Mark
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable, Sequence
 
-    from flexarm_ident.report.plots.axis import Axis
+    from flexarm_ident.report.plots.marks import Axis
 
 
 @dataclass(frozen=True)

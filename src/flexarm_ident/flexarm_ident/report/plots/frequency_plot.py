@@ -10,8 +10,8 @@ from flexarm_core.labels import label_and_unit
 from flexarm_ident.fitting.residuals import CHANCE
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.report.plots import marks
-from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Panel, View, chart
+from flexarm_ident.report.plots.marks import Axis
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

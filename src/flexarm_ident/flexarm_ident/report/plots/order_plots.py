@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.report.plots import marks
-from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Panel, View, chart
+from flexarm_ident.report.plots.marks import Axis
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -12,8 +12,8 @@ from flexarm_core.arrays import runs
 from flexarm_core.channels import CHANNEL_NAMES, CHANNELS
 from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident.report.plots import marks
-from flexarm_ident.report.plots.axis import Axis, SecondUnit
 from flexarm_ident.report.plots.chart import Panel, View, chart
+from flexarm_ident.report.plots.marks import Axis, SecondUnit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -11,8 +11,8 @@ import numpy as np
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.report.content.blocks import Plots, Section, Words
 from flexarm_ident.report.plots import marks
-from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Note, Panel, View, chart
+from flexarm_ident.report.plots.marks import Axis
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -11,8 +11,8 @@ from flexarm_ident.fitting.validation import rms
 from flexarm_ident.models.modes import mode_shapes
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
 from flexarm_ident.report.plots import marks
-from flexarm_ident.report.plots.axis import Axis, plain
 from flexarm_ident.report.plots.chart import Note, Panel, View, chart
+from flexarm_ident.report.plots.marks import Axis, plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

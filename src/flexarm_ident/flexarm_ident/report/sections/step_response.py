@@ -12,8 +12,8 @@ from flexarm_core.labels import label_and_unit
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.report.content.blocks import Plots, Section, Words
 from flexarm_ident.report.plots import marks
-from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Panel, View, chart
+from flexarm_ident.report.plots.marks import Axis
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

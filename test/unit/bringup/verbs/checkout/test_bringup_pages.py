@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexarm_bringup.verbs.checkout.pages import (
+from flexarm_bringup.verbs.checkout.docs import (
     Step,
     differences,
     drawn_alike,

@@ -8,7 +8,7 @@ import pytest
 
 from flexarm_bringup.graph.processes import HeldDriveError, LaunchError
 from flexarm_bringup.runs.pace import Pace
-from flexarm_bringup.verbs.simulated.run_settings import RunSettings
+from flexarm_bringup.verbs.simulated.simulated_run import RunSettings
 from flexarm_core.outputs import OutputError
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexarm_bringup.verbs.simulated.step_results import switching_words
+from flexarm_bringup.verbs.simulated.simulated_run import switching_words
 from flexarm_ident.records.iodata import IoData
 
 

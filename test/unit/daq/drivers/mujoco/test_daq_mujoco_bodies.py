@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from flexarm_daq.drivers.mujoco.arm import MujocoSettings
-from flexarm_daq.drivers.mujoco.rig import MujocoRig
+from flexarm_daq.drivers.mujoco.rig import MujocoRig, MujocoSettings
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,8 +11,7 @@ import pytest
 from flexarm_core.errors import SettingError
 from flexarm_core.rig_description import described, load_rig
 from flexarm_daq.drivers.at_rest import read_at_rest
-from flexarm_daq.drivers.mujoco.arm import MujocoArm, MujocoSettings
-from flexarm_daq.drivers.mujoco.rig import MujocoRig
+from flexarm_daq.drivers.mujoco.rig import MujocoArm, MujocoRig, MujocoSettings
 from flexarm_daq.drivers.registry import driven
 from flexarm_daq.drivers.settings import settings_of
 from flexarm_daq.rigs.beam import natural_frequencies_hz
