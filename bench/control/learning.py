@@ -21,9 +21,8 @@ from flexarm_bringup.console import terminal
 from flexarm_control import build_law
 from flexarm_control.laws.gains import CompensationLevel, TunedPdpGains
 from flexarm_control.laws.registry import LAWS
-from flexarm_control.learning.following import FollowingLaw
 from flexarm_control.learning.repetition import best, improved, learned, without_model
-from flexarm_control.learning.trajectory import bending_hub, planned_trajectory
+from flexarm_control.learning.trajectory import FollowingLaw, bending_hub, planned_trajectory
 from flexarm_control.planning.flat_arm import ArmFigures
 from flexarm_control.planning.move import MoveSettings
 from flexarm_daq import RigParameters

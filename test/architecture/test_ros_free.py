@@ -23,7 +23,6 @@ CONNECTING = {
         f"flexarm_node.{name}"
         for name in (
             "topics.waiting",
-            "topics.shared_topic",
             "codecs",
             "qos",
             "parameters",

@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
-from flexarm_node.topics.shared_topic import SharedTopic
+from flexarm_node.topics.waiting import SharedTopic
 from support.system_graph import ROOT, Graph
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from flexarm_node import qos
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
 from flexarm_node.stamps import set_stamp
-from flexarm_node.topics.shared_topic import SharedTopic
+from flexarm_node.topics.waiting import SharedTopic
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

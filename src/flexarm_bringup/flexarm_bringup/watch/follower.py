@@ -7,9 +7,8 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from flexarm_bringup.graph.arm_client import through
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.graph.socket_client import NoAnswerError, socket_client
+from flexarm_bringup.graph.socket_client import NoAnswerError, socket_client, through
 from flexarm_bringup.watch.screen import GONE, History, Units
 from flexarm_core.errors import FlexarmError, one_line
 

@@ -15,19 +15,17 @@ import numpy as np
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.arm.equations import FrictionModel
 from flexarm_ident.arm.friction_choice import choose_friction
-from flexarm_ident.arm.level_profile import (
-    DESCENT,
-    EQUALLY_GOOD,
-    LevelProfile,
-    law_figures,
-    profile_levels,
-)
 from flexarm_ident.arm.simulation_error import (
     COST_OF_ZERO_ERROR,
+    DESCENT,
+    EQUALLY_GOOD,
     LAST_STEPS,
+    LevelProfile,
     SimulationError,
     descend,
     deviations,
+    law_figures,
+    profile_levels,
     simulation_error,
 )
 from flexarm_ident.fitting.blas import one_thread

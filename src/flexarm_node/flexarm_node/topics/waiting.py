@@ -3,11 +3,19 @@
 An executor costs several hundred microseconds per message and stalls now and then; a loop that
 answers every sample waits on the middleware itself, and takes bytes. This is the only module that
 touches rclpy's internal `WaitSet` and `take_message`.
+
+A topic that a node publishes and reads is read by the thread of the loop, too. In an executor each
+message of the node itself would wake another thread, which takes longer than the answer to a
+sample: a reference that changes with every sample would take all of the time of a fast loop.
 """
 
 from __future__ import annotations
 
+import math
+import threading
 import time
+from collections import deque
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
 from rclpy.callback_groups import CallbackGroup
@@ -30,7 +38,11 @@ _MATCH_POLL_S = 0.01
 _ACKNOWLEDGED_S = 5.0
 _RAW = True
 # As many as a reader holds: what one brings late another has brought before.
-_REMEMBERED = 20_000
+_KEYS_REMEMBERED = 20_000
+Message = TypeVar("Message")
+
+# More than are ever on their way to the node itself.
+_REMEMBERED = 100
 
 
 def has_every_reader(node: Node, publishers: Sequence[Publisher], least: int = 0) -> bool:
@@ -255,7 +267,7 @@ class _Heard:
         if key in self._keys:
             return False
         self._keys[key] = None
-        if len(self._keys) > _REMEMBERED:
+        if len(self._keys) > _KEYS_REMEMBERED:
             del self._keys[next(iter(self._keys))]
         return True
 
@@ -315,3 +327,70 @@ class _WaitSet:
 
 def _never_called(_: Any) -> None:  # noqa: ANN401 - any message type
     raise AssertionError
+
+
+@dataclass
+class _Sending:
+    begun_ns: int
+    ended_ns: float = math.inf
+
+
+class SharedTopic(Generic[Message]):
+    """Publisher and subscription of one topic.
+
+    The middleware delivers a node's own messages to it as well, a moment later: one that is heard
+    after the next was sent would bring the old value back. It does not say who sent a message, but
+    when, and own messages were sent while this class was sending.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes and reads.
+    message_type, topic
+        As for `Node.create_publisher`.
+    sent, read : QoSProfile
+        QoS of the publisher and of the subscription.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        message_type: type[Message],
+        topic: str,
+        *,
+        sent: QoSProfile,
+        read: QoSProfile,
+    ) -> None:
+        self._node = node
+        self._message_type = message_type
+        self._sent: deque[_Sending] = deque(maxlen=_REMEMBERED)
+        self.publisher: Publisher[Message] = node.create_publisher(message_type, topic, sent)
+        self._reader = RawTopicsWaiter(node, [(message_type, topic, read)])
+        self._turn = threading.Lock()
+
+    def publish(self, message: Message) -> None:
+        """Publish a message. Any thread may call."""
+        sending = _Sending(time.time_ns())
+        # Before it is sent: another thread may hear it at once.
+        self._sent.append(sending)
+        self.publisher.publish(message)
+        sending.ended_ns = time.time_ns()
+
+    def newest(self) -> Message | None:
+        """Return the newest message of others that was not returned yet. Any thread may call."""
+        with self._turn:
+            for heard in reversed(self._reader.wait(0.0)):
+                if not self._is_own(heard.source_ns):
+                    message: Message | None = message_of(heard.raw, self._message_type)
+                    return message
+        return None
+
+    def close(self) -> None:
+        """Remove publisher and subscription."""
+        self._node.destroy_publisher(self.publisher)
+        self._reader.close()
+
+    def _is_own(self, sent_ns: int) -> bool:
+        # A copy: another thread may be adding to it.
+        newest_first = reversed(tuple(self._sent))
+        return any(own.begun_ns <= sent_ns <= own.ended_ns for own in newest_first)

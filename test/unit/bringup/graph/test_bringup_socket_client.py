@@ -329,7 +329,7 @@ def test_reference___up_that_does_not_answer___is_reported_beside_the_answer_of_
     def graph(_namespace: str, _do: object) -> None:
         raise LaunchError("no controller was found")
 
-    monkeypatch.setattr("flexarm_bringup.graph.arm_client._through_graph", graph)
+    monkeypatch.setattr("flexarm_bringup.graph.socket_client._through_graph", graph)
     up.silent = True
     with pytest.raises(LaunchError) as refusal:
         reported(remote.reference, "1")

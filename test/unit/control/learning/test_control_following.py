@@ -11,8 +11,7 @@ from flexarm_control.laws.gains import PdpGains
 from flexarm_control.laws.pdpc import Pdp
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.learning.columns import write_trajectory
-from flexarm_control.learning.following import FollowingLaw
-from flexarm_control.learning.trajectory import planned_trajectory
+from flexarm_control.learning.trajectory import FollowingLaw, planned_trajectory
 from flexarm_control.loop_setup import PARAMETERS, Setup
 from flexarm_control.planning.flat_arm import ArmFigures
 from flexarm_core.errors import SettingError

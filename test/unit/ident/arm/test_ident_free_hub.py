@@ -7,7 +7,7 @@ import pytest
 
 from flexarm_ident.arm.equations import FlexibleArm
 from flexarm_ident.arm.fit import fit_arm, without_stiffness
-from flexarm_ident.arm.level_profile import LevelProfile, law_figures
+from flexarm_ident.arm.simulation_error import LevelProfile, law_figures
 from flexarm_ident.friction.layout import Drive
 from support.quadratic_costs import Bowl
 from support.rubbing_arms import driven_arm

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_ident.arm.level_profile import profile_levels
+from flexarm_ident.arm.simulation_error import profile_levels
 from flexarm_ident.fitting.levenberg_marquardt import Minimum
 from support.quadratic_costs import Bowl
 

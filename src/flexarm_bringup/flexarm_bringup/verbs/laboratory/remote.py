@@ -12,9 +12,9 @@ from click.core import ParameterSource
 from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import Quantity, units_of_channel
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.graph.arm_client import stop_every_arm, through
 from flexarm_bringup.graph.assignments import parsed
 from flexarm_bringup.graph.processes import MANAGED, NAMESPACE, LaunchError
+from flexarm_bringup.graph.socket_client import stop_every_arm, through
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.bounds import shown
 from flexarm_core.errors import SettingError
@@ -25,8 +25,8 @@ from flexarm_node.parameter_files import LOOP
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_bringup.graph.arm_client import ArmClient
     from flexarm_bringup.graph.figures import SetPoint
+    from flexarm_bringup.graph.socket_client import ArmClient
 
 _TOPIC = "topic"
 
