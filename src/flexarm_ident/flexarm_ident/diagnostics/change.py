@@ -20,7 +20,7 @@ import scipy
 from flexarm_core.errors import DataError
 from flexarm_core.labels import instant
 from flexarm_ident.diagnostics.check import Check, each_record
-from flexarm_ident.diagnostics.drive import is_stopped, moves_seldom
+from flexarm_ident.diagnostics.excitation import is_stopped, moves_seldom
 from flexarm_ident.records.data_warning import PLANT_CHANGED, Grade
 from flexarm_ident.records.naming import short_names
 from flexarm_ident.records.span import part_options, without

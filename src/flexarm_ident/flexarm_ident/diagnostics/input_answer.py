@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from flexarm_ident.diagnostics.check import Check, each_record
-from flexarm_ident.diagnostics.drive import moves_seldom
+from flexarm_ident.diagnostics.excitation import moves_seldom
 from flexarm_ident.diagnostics.innovations import (
     MEMORY,
     SMALLEST_INNOVATION,

@@ -14,7 +14,7 @@ from scipy import signal
 from flexarm_ident import IoData
 from flexarm_ident.diagnostics.change import changes
 from flexarm_ident.diagnostics.channel_defects import constant_channels, unmeasured
-from flexarm_ident.diagnostics.drive import drive_defects
+from flexarm_ident.diagnostics.excitation import drive_defects
 from flexarm_ident.diagnostics.input_answer import answer_defects
 from flexarm_ident.diagnostics.outliers import outliers
 from flexarm_ident.diagnostics.quality import assess

@@ -22,12 +22,12 @@ from flexarm_ident.report.plots.time_plots import (
     match_plot,
     near_plot,
 )
-from flexarm_ident.report.sections.poles import damping_plot, pole_plot, pole_zero_plot
-from flexarm_ident.report.sections.step_response import (
+from flexarm_ident.report.sections.frequency import (
     settling_samples,
     step_response,
     step_response_plot,
 )
+from flexarm_ident.report.sections.poles import damping_plot, pole_plot, pole_zero_plot
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 from support.step_plots import a_step, times
 

@@ -185,7 +185,7 @@ class Subject:
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the report: a module of `flexarm_ident.report.sections` holds one as `SECTION`.
+    """A section of the report, which a module of `flexarm_ident.report.sections` holds.
 
     Attributes
     ----------

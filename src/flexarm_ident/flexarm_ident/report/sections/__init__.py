@@ -1,20 +1,18 @@
-"""Sections of the report: each module of this folder is one, by its `SECTION`."""
+"""Sections of the report: each module of this folder holds one or more."""
 
 from __future__ import annotations
 
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from flexarm_ident.report.content.blocks import Section
+from flexarm_ident.report.content.blocks import Section
 
 
 @cache
 def sections() -> tuple[Section, ...]:
     """Return all sections in the order of the report."""
-    found: list[Section] = [
-        import_module(f"{__name__}.{module.name}").SECTION for module in iter_modules(__path__)
-    ]
+    modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
+    held = (each for module in modules for each in vars(module).values())
+    found = [each for each in held if isinstance(each, Section)]
     return tuple(sorted(found, key=lambda section: section.place))

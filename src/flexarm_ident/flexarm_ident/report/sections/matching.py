@@ -1,4 +1,4 @@
-"""Simulation section: outputs of the model under the measured input."""
+"""Simulation sections: the model under the measured input, and under the controller."""
 
 from __future__ import annotations
 
@@ -30,3 +30,21 @@ def _build(subject: Subject) -> Iterator[Block]:
 
 
 SECTION = Section(80, "Simulation", _build)
+
+
+def _followed(subject: Subject) -> Iterator[Block]:
+    outcome = subject.outcome
+    if outcome.sfv is None:
+        return
+    gains, first = outcome.sfv.gains, outcome.records[0]
+    yield Words(
+        f"{short_labels(outcome.records)[first.label]}: the controller of the experiment drives "
+        f"the model with the recorded set-point, kp = {gains.kp:.3f}, kd = {gains.kd:.3f}, "
+        f"ksg = {abs(gains.ksg):.3f}."
+    )
+    yield match_gallery(outcome, 0, outcome.sfv.y, outcome.sfv.error)
+
+
+FOLLOWING = Section(
+    90, "Closed-loop simulation", _followed, lambda subject: subject.outcome.sfv is not None
+)
