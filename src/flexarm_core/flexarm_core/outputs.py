@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import tempfile
 from contextlib import suppress
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from flexarm_core.errors import FlexarmError, reason
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
 MARK: Final = "written by flexarm"
@@ -96,6 +97,11 @@ def require_folder(folder: Path, option: str) -> None:
         raise OutputError(
             f"{folder}: cannot be written{what}: {why}; name another folder with {option}"
         ) from error
+
+
+def write_facts(file: Path, facts: Mapping[str, Any]) -> None:
+    """Write facts as JSON, with our mark."""
+    file.write_text(json.dumps({**MARK_KEY, **facts}, indent=2) + "\n", encoding="utf-8")
 
 
 def _try_to_write(file: Path) -> None:

@@ -36,7 +36,7 @@ from flexarm_ident.workflow.stages import run
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from flexarm_core.arrays import Progress
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.models.model_parameters import ParameterValue
     from flexarm_ident.reading.channels import Selection
     from flexarm_ident.records.iodata import IoData
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
 
     Chosen = Selection | CsvMap | TableColumns | None
     Read = Callable[[Path, Request, Chosen, Span], Source]
-    from flexarm_core.arrays import FloatArray
 
 LARGEST_IN_MEMORY = 1_000_000
 """Samples of a bag from which it is read in pieces, each time it is gone through."""

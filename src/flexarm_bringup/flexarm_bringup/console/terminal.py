@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from flexarm_ident.job import Results
     from flexarm_ident.models.modes import Mode
 
 # Without a terminal there is nothing to wrap for. Names of a user may have brackets.
@@ -50,6 +51,21 @@ class ShownModel(NamedTuple):
     parameters: Mapping[str, Any]
     warnings: Sequence[str]
     frequency_std_hz: Sequence[float] = ()
+
+
+def facts_of(results: Results) -> ShownModel:
+    """Return what the user sees of the results of an identification."""
+    outcome = results.outcome
+    return ShownModel(
+        modes=outcome.modes,
+        outputs=outcome.records[0].outputs,
+        dmv=results.dmv,
+        left_out=results.left_out,
+        sfv=results.sfv,
+        parameters=results.parameters,
+        warnings=outcome.warnings,
+        frequency_std_hz=results.frequency_std_hz,
+    )
 
 
 def show_model(model: ShownModel) -> None:

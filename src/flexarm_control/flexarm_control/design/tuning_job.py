@@ -38,20 +38,17 @@ from flexarm_core.specs import parameter_specs
 from flexarm_ident.models.model_parameters import model_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     import control
 
     from flexarm_control.design.margins import Margins
-    from flexarm_control.design.tuning import PdpTuning
+    from flexarm_control.design.tuning import PdpTuning, PiTuning
     from flexarm_control.laws.gains import PdpGains, PiGains
     from flexarm_control.laws.ilqr import IlqrDesign
     from flexarm_ident.models.model_parameters import ParameterValue
 
     Models = Mapping[str, control.StateSpace]
-    from collections.abc import Collection
-
-    from flexarm_control.design.tuning import PiTuning
 
 _WeightsT = TypeVar("_WeightsT", bound=RegulatorWeights)
 

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
 
     Integers = NDArray[np.int64]
-    from flexarm_ident.records.data_warning import DataWarning
 
 ON_TIME = 0.1
 """A sample so near to its instant, in periods, is taken as it is."""

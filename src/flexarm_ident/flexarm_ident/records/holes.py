@@ -27,11 +27,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import BoolArray, FloatArray
-
-    Rows = tuple[FloatArray, FloatArray]
     from flexarm_ident.records.data_warning import DataWarning
     from flexarm_ident.records.iodata import IoData
 
+    Rows = tuple[FloatArray, FloatArray]
     Span = tuple[int, int]
 
 LONGEST_FILLED = 3

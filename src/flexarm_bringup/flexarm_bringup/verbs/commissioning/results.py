@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ import numpy as np
 from flexarm_control.commissioning.answers import Friction
 from flexarm_control.servo.report import step_figures, summary, summary_lines
 from flexarm_core.labels import axis_label
-from flexarm_core.outputs import MARK_KEY
+from flexarm_core.outputs import MARK_KEY, write_facts
 from flexarm_ident.report.content.blocks import Plots, Table, Words
 from flexarm_ident.report.page import render_page
 from flexarm_ident.report.plots import marks
@@ -51,7 +50,6 @@ def write_results(
     out = state.folder
     shutil.copyfile(out / "servo" / "controller.yaml", out / "controller.yaml")
     found = {
-        **MARK_KEY,
         "rig": rig.name,
         "verdict": str(results.outcome.verdict.level),
         "model": str(results.folder.relative_to(out)),
@@ -67,7 +65,7 @@ def write_results(
             for size, mine, other in zip(steps.steps, steps.results, steps.predicted, strict=True)
         ],
     }
-    (out / "summary.json").write_text(json.dumps(found, indent=2) + "\n", "utf-8")
+    write_facts(out / "summary.json", found)
     (out / "report.html").write_text(_report(rig, state, results, design, steps), "utf-8")
 
 

@@ -79,7 +79,7 @@ channel_options = together(
         help="Counts per turn at which an output wraps, such as 4000; 0: none. Found by default.",
     ),
 )
-"""Options of a verb, which takes them by `taken_channels` and `taken_span`."""
+"""Options of a verb, which takes them by `taken_part`."""
 _SPREADSHEETS = frozenset({".xlsx", ".xls", ".ods"})
 
 
@@ -109,9 +109,13 @@ def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:
     return selection(inputs, outputs, clock=clock, interpolated=not held, output_only=output_only)
 
 
-def taken_span(options: dict[str, Any]) -> Span:
-    """Take the part of the records out of the options."""
-    return Span(options.pop("from_s"), options.pop("to_s"), options.pop("wrap"))
+def taken_part(
+    paths: Sequence[Path], options: dict[str, Any], map_file: Path | None = None
+) -> dict[str, Any]:
+    """Take what of the records is read out of the options: `channels` and `span` of a job."""
+    columns = taken_columns(paths, map_file, options)
+    span = Span(options.pop("from_s"), options.pop("to_s"), options.pop("wrap"))
+    return {"channels": taken_channels(options, paths[0]) or columns, "span": span}
 
 
 def taken_columns(

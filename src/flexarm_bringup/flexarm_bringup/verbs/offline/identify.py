@@ -16,9 +16,7 @@ from flexarm_bringup.console.quantity import FREQUENCY_HZ, FiniteRange, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples, together
 from flexarm_bringup.verbs.offline.channel_options import (
     channel_options,
-    taken_channels,
-    taken_columns,
-    taken_span,
+    taken_part,
 )
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_ident import job
@@ -216,9 +214,7 @@ def identify(
         raise click.UsageError("--output-only makes no model: leave out --each and --export")
     if output_only and (options["inputs"] or map_file):
         raise click.UsageError("--output-only takes no --input and no --map: leave one of them out")
-    columns = taken_columns(bags, map_file, options)
-    exports, span = parse_exports(export), taken_span(options)
-    channels = taken_channels(options, bags[0]) or columns
+    part, exports = taken_part(bags, options, map_file), parse_exports(export)
     if output_only and Request(**options) != Request():
         raise click.UsageError("--output-only makes no model: leave out the options of one")
     if not each and (jobs is not None or dask or parquet):
@@ -227,7 +223,7 @@ def identify(
         # It loads the shapers.
         from flexarm_bringup.verbs.offline.output_only import show_modes  # noqa: PLC0415
 
-        show_modes(bags, out, channels=channels, span=span, force=force)
+        show_modes(bags, out, **part, force=force)
         return
     if each:
         # They load matplotlib and joblib.
@@ -238,8 +234,7 @@ def identify(
             bags,
             out,
             Request(**options),
-            channels=channels,
-            span=span,
+            **part,
             exports=exports,
             force=force,
             parquet=parquet,
@@ -252,8 +247,7 @@ def identify(
             bags,
             out,
             Request(**options),
-            channels=channels,
-            span=span,
+            **part,
             exports=exports,
             force=force,
             progress=show,
@@ -300,34 +294,17 @@ def report(
         raise click.UsageError(f"{bags[0]} is a model: name a bag beside it, to try it on")
     if out.suffix.lower() not in _PAGES:
         raise click.UsageError(f"-o {out}: the report is one page: {out.with_suffix('.html')}")
-    columns = taken_columns(bags, map_file, options)
-    channels, span = taken_channels(options, bags[0]) or columns, taken_span(options)
+    part = taken_part(bags, options, map_file)
     with terminal.progress() as show:
         if len(bags) > 1:
             from flexarm_ident.series.comparison import compare_files  # noqa: PLC0415 - a rare way
 
-            lines = compare_files(
-                bags,
-                out,
-                Request(**options),
-                channels=channels,
-                span=span,
-                force=force,
-                progress=show,
-            )
+            lines = compare_files(bags, out, Request(**options), **part, force=force, progress=show)
             for line in (*lines, f"report in {out}"):
                 terminal.CONSOLE.print(line)
             _open(out, opens=opens)
             return
-        results = job.report_bags(
-            bags,
-            out,
-            Request(**options),
-            channels=channels,
-            span=span,
-            force=force,
-            progress=show,
-        )
+        results = job.report_bags(bags, out, Request(**options), **part, force=force, progress=show)
     _show(results, f"report in {out}", "")
     _open(out, opens=opens)
 
@@ -348,18 +325,7 @@ def _show(results: Results, written: str, command: str) -> None:
     if outcome.verdict.coherence:
         terminal.note(outcome.verdict.coherence)
     terminal.step(f"Next: {outcome.verdict.next_step}{f': {command}' if command else ''}")
-    terminal.show_model(
-        terminal.ShownModel(
-            modes=outcome.modes,
-            frequency_std_hz=results.frequency_std_hz,
-            outputs=outcome.records[0].outputs,
-            dmv=results.dmv,
-            left_out=results.left_out,
-            sfv=results.sfv,
-            parameters=results.parameters,
-            warnings=outcome.warnings,
-        )
-    )
+    terminal.show_model(terminal.facts_of(results))
     if choice := outcome.identification.choice:
         terminal.note(f"method: {choice}")
     terminal.CONSOLE.print(f"{written}")

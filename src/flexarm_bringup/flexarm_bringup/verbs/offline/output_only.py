@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +20,7 @@ from flexarm_control.shaping.shapers import (
     recommended,
 )
 from flexarm_core.labels import counted, label_and_unit, with_deviation
-from flexarm_core.outputs import MARK_KEY, require_place
+from flexarm_core.outputs import require_place, write_facts
 from flexarm_ident.estimation.output_only import OutputMode, OutputModes, identify_modes
 from flexarm_ident.job import REPORT_FILE, model_name, read_whole
 from flexarm_ident.report.content.blocks import Block, Code, Plots, Table, Words
@@ -104,7 +103,7 @@ def show_modes(
             terminal.note(f"{notice.grade}: {notice}")
     out.mkdir(parents=True, exist_ok=True)
     name = model_name(bags[0])
-    files[0].write_text(json.dumps(_summary(found, shaped), indent=2) + "\n", "utf-8")
+    write_facts(files[0], _summary(found, shaped))
     files[1].write_text(_page(name, found, shaped, head, rows), "utf-8")
     terminal.CONSOLE.print(f"results in {out}")
 
@@ -200,7 +199,6 @@ def _figures(each: ShaperFigures) -> tuple[str, ...]:
 
 def _summary(found: OutputModes, shaped: Sequence[Shaped]) -> dict[str, Any]:
     return {
-        **MARK_KEY,
         "outputs": list(found.outputs),
         "modes": [
             {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,12 +11,10 @@ from flexarm_bringup.console.quantity import FREQUENCY_HZ, TIME_S, FiniteRange, 
 from flexarm_bringup.console.verb_group import together
 from flexarm_bringup.verbs.offline.channel_options import (
     channel_options,
-    taken_channels,
-    taken_columns,
-    taken_span,
+    taken_part,
 )
 from flexarm_core.errors import SettingError
-from flexarm_core.outputs import require_place
+from flexarm_core.outputs import require_place, write_facts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -133,7 +130,7 @@ def write_servo(design: ServoDesign, models: list[str], out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     save_controller(out / CONTROLLER_FILE, design.gains, {"models": models})
     (out / C_FILE).write_text(c_controller(design.gains), "utf-8")
-    (out / _SUMMARY_FILE).write_text(json.dumps(summary(design), indent=2) + "\n", "utf-8")
+    write_facts(out / _SUMMARY_FILE, summary(design))
     (out / _REPORT_FILE).write_text(report(design), "utf-8")
     for line in summary_lines(design):
         terminal.CONSOLE.print(f"  {line}")
@@ -170,11 +167,10 @@ def _sources(
             raise click.UsageError("--input and --output name signals of a record, not of a model")
         return [_read(path) for path in paths]
     _guess(records, options)
-    columns = taken_columns(records, None, options)
-    span, channels = taken_span(options), taken_channels(options, records[0]) or columns
+    part = taken_part(records, options)
     found: dict[Path, Source] = {path: _read(path) for path in paths if _is_model(path)}
     for path in records:
-        found[path] = _identified(path, out, channels, span, force=force)
+        found[path] = _identified(path, out, part, force=force)
     return [found[path] for path in paths]
 
 
@@ -208,23 +204,14 @@ def _read(path: Path) -> Source:
     return Source(str(path), load_model(file), load_friction(file), facts=facts)
 
 
-def _identified(
-    path: Path,
-    out: Path,
-    channels: Any,  # noqa: ANN401 - a selection, whose module is not for the help
-    span: Any,  # noqa: ANN401
-    *,
-    force: bool,
-) -> Source:
+def _identified(path: Path, out: Path, part: dict[str, Any], *, force: bool) -> Source:
     from flexarm_control.servo.job import Source  # noqa: PLC0415 - not for the help
     from flexarm_ident import job  # noqa: PLC0415
     from flexarm_ident.workflow.request import Request  # noqa: PLC0415
 
     folder = out / _MODELS_FOLDER / job.model_name(path)
     with terminal.progress() as show:
-        results = job.identify_bags(
-            (path,), folder, Request(), channels=channels, span=span, force=force, progress=show
-        )
+        results = job.identify_bags((path,), folder, Request(), **part, force=force, progress=show)
     outcome = results.outcome
     terminal.step(f"{path}: {outcome.verdict}")
     return Source(str(path), outcome.model, outcome.friction, outcome.records[0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,7 @@ from flexarm_bringup.verbs.simulated.simulated_run import (
     run_options,
     versions,
 )
-from flexarm_core.outputs import MARK_KEY
+from flexarm_core.outputs import write_facts
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_ident.provenance import samples_hash
@@ -107,8 +106,7 @@ def write_results(settings: RunSettings, results: DemoResults) -> None:
         *planned.blocks("Law planned with the figures of the payload"),
     )
     (out / REPORT_FILE).write_text(append_section(report, "Controlled step", blocks), "utf-8")
-    summary = _summary(settings, results)
-    (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_facts(out / SUMMARY_FILE, _summary(settings, results))
     terminal.CONSOLE.print(f"  PDPC: {step.text}")
     terminal.CONSOLE.print(f"  planned: {planned.text}")
     terminal.step(settings.results_text())
@@ -116,10 +114,10 @@ def write_results(settings: RunSettings, results: DemoResults) -> None:
 
 def _summary(settings: RunSettings, results: DemoResults) -> dict[str, Any]:
     model, experiment = results.model, results.experiment
+    facts = model.facts
     both = (experiment, results.step.recorded)
     planned = results.planned.recorded
     return {
-        **MARK_KEY,
         "payload_kg": settings.payload_kg,
         "seed": settings.seed,
         "time": "real" if settings.pace is Pace.REAL else "virtual",
@@ -132,11 +130,11 @@ def _summary(settings: RunSettings, results: DemoResults) -> dict[str, Any]:
         "reduced_order": model.reduced_order,
         "modes_hz": model.kept_modes_hz(results.true_modes_hz),
         "true_modes_hz": list(results.true_modes_hz),
-        "dmv": list(model.dmv[:-1]),
-        "dmv_mean": model.dmv[-1],
-        "sfv": list(model.sfv[:-1]),
-        "sfv_mean": model.sfv[-1] if model.sfv else None,
-        "warnings": list(model.warnings),
+        "dmv": list(facts.dmv[:-1]),
+        "dmv_mean": facts.dmv[-1],
+        "sfv": list(facts.sfv[:-1]),
+        "sfv_mean": facts.sfv[-1] if facts.sfv else None,
+        "warnings": list(facts.warnings),
         "pdpc": results.step.summary(),
         "planned": {
             **results.planned.summary(),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -30,7 +29,7 @@ from flexarm_control.design.regulator_margins import law_loop
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.rigid_and_bending import bending_modes
-from flexarm_core.outputs import MARK_KEY, require_place
+from flexarm_core.outputs import require_place, write_facts
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_ident.models.model_parameters import models_in
@@ -145,7 +144,7 @@ def _run_design(settings: DesignSettings) -> None:
         run.begin("Identifying a model")
         identified = run.identify(Request(friction=False))
         run.begin(f"Designing {settings.law} with margins of its own")
-        ((name, model),) = models_in(identified.parameters).items()
+        ((name, model),) = models_in(identified.facts.parameters).items()
         modes_hz, _ = bending_modes(model)
         result = tune({name: model}, TuneRequest(settings.law, delay_s=REPLY_DELAY_S))
         for line in result.notes:
@@ -185,8 +184,7 @@ def _write(settings: DesignSettings, designed: Designed) -> None:
     report = append_section(report, "Packaged step", packaged)
     report = append_section(report, "Sensitivity", _sensitivity(designed))
     (out / REPORT_FILE).write_text(report, "utf-8")
-    text = json.dumps(_summary(settings, designed), indent=2)
-    (out / SUMMARY_FILE).write_text(text + "\n", "utf-8")
+    write_facts(out / SUMMARY_FILE, _summary(settings, designed))
     (margins,) = designed.result.margins
     terminal.CONSOLE.print(f"  designed: {designed.step.text}{_margins_text(margins)}")
     terminal.CONSOLE.print(
@@ -251,7 +249,6 @@ def _summary(settings: DesignSettings, designed: Designed) -> dict[str, Any]:
     model, result = designed.model, designed.result
     (margins,) = result.margins
     return {
-        **MARK_KEY,
         "payload_kg": settings.payload_kg,
         "seed": settings.seed,
         "law": settings.law,
@@ -261,11 +258,11 @@ def _summary(settings: DesignSettings, designed: Designed) -> dict[str, Any]:
         "true_modes_hz": natural_frequencies_hz(
             RigParameters(payload_kg=settings.payload_kg)
         ).tolist(),
-        "dmv_mean": model.dmv[-1],
+        "dmv_mean": model.facts.dmv[-1],
         "margins": _figures(margins),
         "criterion": result.criteria[0],
         "notes": [*result.notes, *designed.remarks],
-        "warnings": list(model.warnings),
+        "warnings": list(model.facts.warnings),
         "step": designed.step.summary(),
         "packaged": {
             "step": designed.packaged.summary(),

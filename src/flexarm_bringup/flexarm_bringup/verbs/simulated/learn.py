@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,7 +29,7 @@ from flexarm_control.learning.trajectory import bending_hub, planned_trajectory
 from flexarm_control.loop_setup import TOPIC
 from flexarm_control.planning.flat_arm import ArmFigures
 from flexarm_control.planning.move import MoveSettings
-from flexarm_core.outputs import MARK_KEY, require_place
+from flexarm_core.outputs import require_place, write_facts
 from flexarm_ident.report.content.blocks import Plots, Table, Words
 from flexarm_ident.report.page import render_page
 from flexarm_ident.report.plots.time_plots import step_plot
@@ -142,8 +141,7 @@ def _write(settings: LearnSettings, done: Sequence[Repetition], y: FloatArray) -
     for row in (head, *rows):
         mark = "  kept" if row == rows[kept] else ""
         terminal.CONSOLE.print("  {:>10}  {:>11}  {:>8}  {:>12}".format(*row) + mark)
-    summary = _summary(settings, done)
-    (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
+    write_facts(out / SUMMARY_FILE, _summary(settings, done))
     (out / REPORT_FILE).write_text(_page(head, rows, done[kept].played, y, kept), "utf-8")
     terminal.step(f"Trajectory: {out / TRAJECTORY_FILE}. {settings.results_text()}")
 
@@ -188,7 +186,6 @@ def _page(
 def _summary(settings: LearnSettings, done: Sequence[Repetition]) -> dict[str, Any]:
     kept = best(done)
     return {
-        **MARK_KEY,
         "payload_kg": settings.payload_kg,
         "seed": settings.seed,
         "law": settings.law,

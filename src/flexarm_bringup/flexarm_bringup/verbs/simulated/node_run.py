@@ -27,6 +27,7 @@ from flexarm_bringup.verbs.simulated.simulated_run import (
     SimulatedRun,
 )
 from flexarm_ident.models.modes import Mode
+from flexarm_ident.records.iodata import ARM_OUTPUTS
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
@@ -144,18 +145,19 @@ def _asked(bag: Path, request: Request) -> Identify.Request:
 
 
 def _model(response: Identify.Response) -> IdentifiedModel:
-    return IdentifiedModel(
-        text=response.message,
+    parameters = {
+        each.name: Parameter.from_parameter_msg(each).value for each in response.parameters
+    }
+    facts = terminal.ShownModel(
         modes=_modes(response.modes),
+        outputs=ARM_OUTPUTS,
         dmv=response.dmv,
         left_out=response.left_out,
         sfv=response.sfv,
-        parameters={
-            each.name: Parameter.from_parameter_msg(each).value for each in response.parameters
-        },
+        parameters=parameters,
         warnings=response.warnings,
-        folder=Path(response.report_path),
     )
+    return IdentifiedModel(response.message, facts, Path(response.report_path))
 
 
 def _modes(summaries: Sequence[ModeSummary]) -> list[Mode]:

@@ -69,12 +69,7 @@ class OneProcess(SimulatedRun):
         results = identify_bags([bag], folder, request, force=settings.force)
         return IdentifiedModel(
             text=results.text(time.monotonic() - started_s),
-            modes=results.outcome.modes,
-            dmv=results.dmv,
-            left_out=results.left_out,
-            sfv=results.sfv,
-            parameters=results.parameters,
-            warnings=results.outcome.warnings,
+            facts=terminal.facts_of(results)._replace(frequency_std_hz=()),
             folder=folder,
         )
 

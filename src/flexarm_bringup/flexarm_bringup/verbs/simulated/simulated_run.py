@@ -30,7 +30,6 @@ from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_plac
 from flexarm_core.own_files import claimed
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.job import result_files
-from flexarm_ident.records.iodata import ARM_OUTPUTS
 from flexarm_ident.report.content.blocks import Plots, Words
 from flexarm_ident.report.plots.time_plots import step_plot
 
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
     from flexarm_bringup.runs.recorded_run import RecordedRun
     from flexarm_control.design.criteria import StepFigures
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.models.modes import Mode
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.workflow.request import Request
 
@@ -163,62 +161,33 @@ class SimulatedRun(ABC):
 
 
 class IdentifiedModel(NamedTuple):
-    """Identified model of the arm.
+    """Identified model of the arm: one line on it, its facts, and the folder of its files.
 
-    Attributes
-    ----------
-    text : str
-        Verdict, orders and time in one line.
-    modes : sequence of Mode
-        Modes of the full model; those of the reduced one are marked as kept.
-    dmv, left_out, sfv : sequence of float
-        Errors of the outputs and their mean: data matching, on blocks left out of the fit,
-        set-point following. The last two may be empty.
-    parameters : mapping
-        The model as flat parameters `models.<name>.*`.
-    warnings : sequence of str
-        Facts that a user should know.
-    folder : Path
-        Folder of the model and its report.
+    Of the modes those of the reduced model are marked as kept.
     """
 
     text: str
-    modes: Sequence[Mode]
-    dmv: Sequence[float]
-    left_out: Sequence[float]
-    sfv: Sequence[float]
-    parameters: Mapping[str, Any]
-    warnings: Sequence[str]
+    facts: terminal.ShownModel
     folder: Path
 
     @property
     def order(self) -> int:
         """States of the full model."""
-        return sum(len(mode.states) for mode in self.modes)
+        return sum(len(mode.states) for mode in self.facts.modes)
 
     @property
     def reduced_order(self) -> int:
         """States of the reduced model."""
-        return sum(len(mode.states) for mode in self.modes if mode.kept)
+        return sum(len(mode.states) for mode in self.facts.modes if mode.kept)
 
     def show(self) -> None:
         """Print modes, errors and warnings."""
         terminal.CONSOLE.print(f"  {self.text}")
-        terminal.show_model(
-            terminal.ShownModel(
-                modes=self.modes,
-                outputs=ARM_OUTPUTS,
-                dmv=self.dmv,
-                left_out=self.left_out,
-                sfv=self.sfv,
-                parameters=self.parameters,
-                warnings=self.warnings,
-            )
-        )
+        terminal.show_model(self.facts)
 
     def kept_modes_hz(self, known_modes_hz: Sequence[float]) -> list[float]:
         """Return the reduced model's flexible modes, one for each known one; none without pairs."""
-        pairs = [mode for mode in self.modes if mode.kept and mode.is_pair]
+        pairs = [mode for mode in self.facts.modes if mode.kept and mode.is_pair]
         if not pairs:
             return []
         return [
