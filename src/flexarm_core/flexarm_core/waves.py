@@ -100,11 +100,6 @@ class Multisine:
         value = float(self.amplitudes @ np.cos(self.harmonics * turned + self.phases))
         return min(max(value, -1.0), 1.0)
 
-    @property
-    def crest(self) -> float:
-        """Peak over root mean square."""
-        return 1.0 / math.sqrt(0.5 * float(self.amplitudes @ self.amplitudes))
-
 
 def multisine(band: Band, seed: int) -> Multisine:
     """Return a multisine with random phases and a small crest factor.

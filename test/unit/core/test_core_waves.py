@@ -49,7 +49,6 @@ def test_multisine___has_a_smaller_crest_factor_than_random_phases(seed: int) ->
     crest = np.abs(wave).max() / np.sqrt(np.mean(wave**2))
     # A sine has 1.41; random phases of 499 lines have about the root of 2 log 499, 3.5.
     assert crest < 1.7
-    assert crest == pytest.approx(multisine(band, seed).crest, rel=0.03)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -92,4 +91,5 @@ def test_multisine_of_even_octaves___has_equal_power_in_each() -> None:
 
     # A sum over lines is a little more than the integral over an octave of ten lines.
     np.testing.assert_allclose(powers, powers[-1], rtol=0.06)
-    assert wave.crest < 1.7
+    # The peak is 1, so this is the crest factor.
+    assert np.sqrt(2.0 / np.sum(wave.amplitudes**2)) < 1.7

@@ -52,13 +52,11 @@ def preprocess(
     zero_mean: Sequence[str] = ZERO_MEAN_OUTPUTS,
     cutoff_hz: float | None = None,
     filter_input: bool = True,
-    decimation: int = 1,
 ) -> IoData:
     """Prepare a record as section 2.5 does, with defaults that do no damage.
 
     The steps are: drop-outs of sensors set to missing, Coulomb compensation removed from the input
-    (section 2.4.3), output biases removed, strain gauges forced to zero mean, low-pass filter,
-    decimation.
+    (section 2.4.3), output biases removed, strain gauges forced to zero mean, low-pass filter.
 
     The mean of a position is legitimate signal (a square wave between 0 and 3 V has one), so the
     default bias of an output is its mean over the rest at the start: the samples before the input
@@ -88,8 +86,6 @@ def preprocess(
         Cut-off of the second-order Butterworth low-pass filter; the thesis has 50 Hz.
     filter_input : bool
         Filter the input with the same filter. False is the thesis's way.
-    decimation : int
-        Keep every `decimation`-th sample; needs a `cutoff_hz` below the new Nyquist frequency.
 
     Returns
     -------
@@ -107,12 +103,10 @@ def preprocess(
     prepared = _subtract(prepared, _bias(prepared, bias, zero_mean))
     if bias != "none":
         prepared = _without_offsets(prepared)
-    _check_cutoff(prepared, cutoff_hz, decimation)
+    _check_cutoff(prepared, cutoff_hz)
     if cutoff_hz is not None:
         prepared = low_pass(prepared, cutoff_hz, filter_input=filter_input)
-    if decimation == 1:
-        return prepared
-    return replace(prepared.rows(slice(None, None, decimation)), dt_s=prepared.dt_s * decimation)
+    return prepared
 
 
 def remove_compensation(data: IoData) -> IoData:
@@ -225,17 +219,9 @@ def _is_constant(values: FloatArray) -> BoolArray:
     return np.asarray(low == high)
 
 
-def _check_cutoff(data: IoData, cutoff_hz: float | None, decimation: int) -> None:
-    if decimation < 1:
-        raise DataError(f"{data.label}: decimation must be 1 or more: {decimation}")
-    nyquist_hz = 0.5 / (data.dt_s * decimation)
-    if cutoff_hz is None:
-        if decimation > 1:
-            raise DataError(
-                f"{data.label}: decimation by {decimation} needs a cutoff_hz below "
-                f"{nyquist_hz:g} Hz, or noise folds into the modes"
-            )
-    elif not 0.0 < cutoff_hz < nyquist_hz:
+def _check_cutoff(data: IoData, cutoff_hz: float | None) -> None:
+    nyquist_hz = 0.5 / data.dt_s
+    if cutoff_hz is not None and not 0.0 < cutoff_hz < nyquist_hz:
         raise DataError(
             f"{data.label}: cutoff_hz must lie between 0 and the Nyquist frequency "
             f"{nyquist_hz:g} Hz: {cutoff_hz:g}; lower it (--cutoff, 0 for no filter)"

@@ -204,32 +204,25 @@ class Server:
         role = role_of(address.query, self._web.token, view_only=self._web.view_only)
         page = _Page(f"page {next(self._numbers)}", role or Role.VIEWER, connection)
         if address.path == STOP:
-            await self._on_stop_page(page, connection)
+            # It gets nothing but the answers of its stops.
+            await self._attend(page, connection, self._stops)
             return
         if address.path == DROP:
             await self._on_drop(page, connection, parse_qs(address.query).get("name", [""])[0])
             return
         page.post(as_json(await self._desk.hello(page.role)))
         page.post(as_json(self._desk.state(page.name)))
-        self._pages.add(page)
-        sending = asyncio.create_task(page.send())
-        try:
-            with suppress(ConnectionClosed):
-                await self._listen(page, connection)
-        finally:
-            self._pages.discard(page)
-            sending.cancel()
-            self._desk.leave(page.name)
+        await self._attend(page, connection, self._pages)
 
-    async def _on_stop_page(self, page: _Page, connection: ServerConnection) -> None:
-        """Answer the stops of a page, which gets nothing else."""
-        self._stops.add(page)
+    async def _attend(self, page: _Page, connection: ServerConnection, among: set[_Page]) -> None:
+        """Answer a page until it leaves."""
+        among.add(page)
         sending = asyncio.create_task(page.send())
         try:
             with suppress(ConnectionClosed):
                 await self._listen(page, connection)
         finally:
-            self._stops.discard(page)
+            among.discard(page)
             sending.cancel()
             self._desk.leave(page.name)
 

@@ -91,19 +91,6 @@ def test_preprocess___input_and_outputs_filtered_alike___model_is_the_same() -> 
 def test_preprocess___cutoff_not_below_nyquist___raises() -> None:
     with pytest.raises(DataError, match="Nyquist frequency 150 Hz: 150; lower it"):
         preprocess(rested(), cutoff_hz=150.0)
-    with pytest.raises(DataError, match=r"Nyquist frequency 37\.5 Hz: 50"):
-        preprocess(rested(), cutoff_hz=50.0, decimation=4)
-    with pytest.raises(DataError, match=r"decimation by 4 needs a cutoff_hz below 37\.5 Hz"):
-        preprocess(rested(), decimation=4)
-    with pytest.raises(DataError, match="decimation must be 1 or more: 0"):
-        preprocess(rested(), decimation=0)
-
-
-def test_preprocess___decimation___keeps_every_nth_filtered_sample() -> None:
-    data = rested()
-    thinned = preprocess(data, cutoff_hz=30.0, decimation=4, zero_mean=())
-    np.testing.assert_array_equal(thinned.y, low_pass(data, 30.0).y[::4])
-    assert thinned.dt_s == pytest.approx(4 * DT_S)
 
 
 def noisy(seed: int, samples: int = 3000) -> IoData:
