@@ -19,8 +19,14 @@ from flexarm_bringup.console import terminal
 from flexarm_core.workers import Workers
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
-from reproduction.calibration.figures import NOISES, parts, unstable_order_of
-from reproduction.calibration.points import CHAPTERS, Point, summed
+from reproduction.calibration.figures import (
+    CHAPTERS,
+    NOISES,
+    Point,
+    parts,
+    summed,
+    unstable_order_of,
+)
 from reproduction.chapter4.pdpc import ZERO_ERROR_V
 from reproduction.framework.computing import Store, computed
 from reproduction.framework.findings import SEEDS, Call
@@ -29,8 +35,7 @@ from reproduction.framework.study_rig import STUDY_RIG
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from reproduction.calibration.figures import Changes
-    from reproduction.calibration.points import Value
+    from reproduction.calibration.figures import Changes, Value
 
 CACHE = Path("out/calibration")
 PAGE = Path(__file__).parents[2] / "docs" / "rig.md"

@@ -1,4 +1,4 @@
-"""Figures of the thesis, from all chapters, beside those of a rig, with few records.
+"""Figures of the thesis, from all chapters, beside those of a rig, and their distances.
 
 They are those that the subjects of the study are judged by, from a part of the experiments, so that
 one rig takes seconds and not minutes.
@@ -7,7 +7,7 @@ one rig takes seconds and not minutes.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -30,12 +30,15 @@ from reproduction.chapter4.pi import pi_case
 from reproduction.framework.findings import SENSORS, Call, thesis_table
 from reproduction.framework.rig import step_trial
 from reproduction.framework.study_rig import CHOICES, STUDY_RIG, studied_with
+from reproduction.framework.verdicts import BAND
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from flexarm_daq import RigParameters
     from reproduction.chapter3.examples import ReductionTrial
+
+    Value = float | tuple[float, ...]
 
 Changes = tuple[tuple[str, float | tuple[float, ...]], ...]
 """Parameters of a rig that differ from `STUDY_RIG`, by name."""
@@ -55,6 +58,9 @@ UNSTABLE = "Ac3_21u"
 
 SLACK = 0.05
 """Errors agree within a twentieth of the signal, as in the figures of chapter 3."""
+CHAPTERS = ("2", "3", "4", "B")
+FARTHEST = 3.0
+"""Beyond so many times the logarithm of `BAND` nothing is gained by coming a little nearer."""
 
 
 class Figure(NamedTuple):
@@ -190,3 +196,57 @@ _PARTS: dict[str, Callable[[str, int], list[Figure]]] = {
     "tracking": _tracking,
     "nominal": _nominal,
 }
+
+
+@dataclass(frozen=True)
+class Point:
+    """A rig and how near its figures lie.
+
+    Attributes
+    ----------
+    changes : dict
+        Values of its parameters that were changed.
+    within : dict
+        Figures within `BAND`, by chapter.
+    figures : dict
+        Number of figures, by chapter.
+    distance : float
+        How far the figures lie off, in logarithms of `BAND`: mean of each chapter, and of these.
+    tracking_v : float
+        Largest tracking error of PDPC.
+    """
+
+    changes: Mapping[str, Value]
+    within: Mapping[str, int]
+    figures: Mapping[str, int]
+    distance: float
+    tracking_v: float
+
+    @property
+    def total(self) -> int:
+        """Figures within `BAND`, of all chapters."""
+        return sum(self.within.values())
+
+
+def distance(figure: Figure) -> float:
+    """Return how far a figure lies from the thesis's, in logarithms of `BAND`."""
+    if abs(figure.ours - figure.thesis) <= figure.slack:
+        return 0.0
+    if min(figure.ours, figure.thesis) <= 0.0:
+        return FARTHEST
+    return min(float(abs(np.log(figure.ours / figure.thesis)) / np.log(BAND)), FARTHEST)
+
+
+def summed(changes: Mapping[str, Value], figures: Sequence[Figure]) -> Point:
+    """Sum the figures of a rig up."""
+    far = {
+        chapter: [distance(each) for each in figures if each.chapter == chapter]
+        for chapter in CHAPTERS
+    }
+    return Point(
+        changes,
+        {chapter: sum(each <= 1.0 for each in some) for chapter, some in far.items()},
+        {chapter: len(some) for chapter, some in far.items()},
+        float(np.mean([np.mean(some) for some in far.values()])),
+        max(each.ours for each in figures if each.name.startswith(TRACKING)),
+    )

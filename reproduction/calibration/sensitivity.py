@@ -17,8 +17,15 @@ from flexarm_control.design.criteria import itae, step_itae
 from flexarm_control.design.tuning import pdp_step_response
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
-from reproduction.calibration.figures import RUNS_AWAY, SLACK, figures_of, parts
-from reproduction.calibration.points import CHAPTERS, FARTHEST, summed
+from reproduction.calibration.figures import (
+    CHAPTERS,
+    FARTHEST,
+    RUNS_AWAY,
+    SLACK,
+    figures_of,
+    parts,
+    summed,
+)
 from reproduction.framework.findings import (
     SEEDS,
     Call,

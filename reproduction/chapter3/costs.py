@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import stats
 
-from reproduction.chapter3.drift import (
-    AS_IT_IS,
-    DRIFTING,
-    RIGS,
-    drift_calls,
-    drift_table,
-    median_errors,
-)
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V
+from reproduction.chapter2.order_survey import fitted_half, identified, matched, model_of, prepared
 from reproduction.chapter3.examples import (
     C_UPDATED,
     EXAMPLES,
@@ -26,7 +23,6 @@ from reproduction.chapter3.examples import (
     Validation,
     thesis_rows,
 )
-from reproduction.chapter3.left_out import left_out_reason, ranks_text
 from reproduction.chapter3.trial import (
     RUNS_AWAY,
     both_calls,
@@ -39,20 +35,44 @@ from reproduction.chapter3.trial import (
     records_of,
 )
 from reproduction.framework.findings import (
+    SENSORS,
+    Call,
     Finding,
     SideBySide,
     Subject,
     columns,
     prose,
+    spread,
     thesis_table,
 )
-from reproduction.framework.verdicts import Beside, judged, p_text, ranked
+from reproduction.framework.rig import run_experiment
+from reproduction.framework.study_rig import study_rig
+from reproduction.framework.verdicts import LEVEL, Beside, judged, p_text, ranked
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from reproduction.chapter3.examples import ReductionTrial, ThesisRow
     from reproduction.framework.findings import Results
+
+DRIFTING = frozenset({"3-2", "3-3", "3-4"})
+"""Tables beside which the errors of the full model on easier rigs stand."""
+AS_IT_IS = "as it is"
+_FREE = {"coulomb_friction_nm": 0.0}
+RIGS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        AS_IT_IS: {},
+        "little noise": {"noise_v": LOW_NOISE_V},
+        "no friction": _FREE,
+        "no friction, no gear play, little noise": {
+            **_FREE,
+            "backlash_deg": 0.0,
+            "noise_v": LOW_NOISE_V,
+        },
+    }
+)
+"""Rigs by what makes them easier to model."""
+_DRIFT_SEEDS = range(1, 11)
 
 
 def compare_errors(rows: Sequence[ThesisRow], found: Records, *, reason: str) -> Finding:
@@ -236,3 +256,82 @@ def _subject(number: str, code: str) -> Subject:
 
 
 SUBJECTS = tuple(_subject(number, code) for number, code in TABLES.items())
+
+
+def full_model_errors(code: str, rig: str, seed: int) -> tuple[float, ...]:
+    """Return the four errors by data matching of a full model from one of the easier `RIGS`."""
+    example, changed = EXAMPLES[code], RIGS[rig]
+    entry = experiment(example.experiment)
+    if entry.law and "coulomb_friction_nm" in changed:
+        entry = replace(entry, gains={**entry.gains, "compensation_v": 0.0})
+    parameters = study_rig(entry.payload_kg)
+    record = prepared(
+        run_experiment(entry, replace(parameters, **changed), seed), example.compensation
+    )
+    model, _ = model_of(identified(fitted_half(record)), example.order)
+    return tuple(matched(model, record).delta.tolist())
+
+
+def drift_calls(code: str) -> tuple[Call, ...]:
+    """Return the computations of `drift_table`."""
+    return tuple(
+        Call(full_model_errors, (code, rig, seed)) for rig in RIGS for seed in _DRIFT_SEEDS
+    )
+
+
+def median_errors(code: str, rig: str, results: Results) -> list[float]:
+    """Return the errors of the printed order, clamped where it is unstable, from one of `RIGS`."""
+    found = [results[Call(full_model_errors, (code, rig, seed))] for seed in _DRIFT_SEEDS]
+    middle: list[float] = np.median(found, axis=0).tolist()
+    return middle
+
+
+def drift_table(code: str, results: Results) -> SideBySide:
+    """List the errors of the full model on easier rigs."""
+    rows = [(rig, *map(error_text, median_errors(code, rig, results))) for rig in RIGS]
+    return SideBySide(
+        prose("table-3-xb.drift_title", seeds=len(_DRIFT_SEEDS)),
+        ("rig", *SENSORS),
+        tuple(rows),
+    )
+
+
+def ranks_text(found: Sequence[ReductionTrial], way: str) -> str:
+    """Return the rank by MRM of the strongest mode left out by a way: median and range."""
+    return spread([trial.left_out_rank(way) for trial in found], "g")
+
+
+def thesis_rank(number: str, way: str) -> int:
+    """Return the same of the tables of the thesis with a number."""
+    name = f"table_{number.replace('-', '_')}"
+    (row,) = (
+        row for row in thesis_table(f"{name}b") if (row["stage"], row["validation"]) == (way, "dmv")
+    )
+    kept = row["modes"].split(",")
+    modes = thesis_table(f"{name}a")["modes"]
+    return min(int(mode["mrm"]) for mode in modes if mode["mode"] not in kept)
+
+
+def left_out_reason(number: str, found: Sequence[ReductionTrial], way: str) -> str:
+    """Compare the ranks, and tell whether a stronger mode that is left out costs more in ours."""
+    return prose(
+        "table-3-x-parts.left_out",
+        way=way.upper(),
+        theirs=thesis_rank(number, way),
+        strong=ranks_text(found, way),
+        correlation=_correlation(found, way),
+    )
+
+
+def _correlation(found: Sequence[ReductionTrial], way: str) -> str:
+    ours = [trial.left_out_rank(way) for trial in found]
+    if len({*ours}) == 1:
+        return "that rank is the same in all of them"
+    ranks = stats.spearmanr(ours, means(found, way) / means(found, INITIAL))
+    falls = ranks.pvalue < LEVEL and ranks.statistic < 0.0
+    return prose(
+        "table-3-x-parts.correlation",
+        does="falls with" if falls else "does not fall with",
+        rank=ranks.statistic,
+        p=p_text(float(ranks.pvalue)),
+    )

@@ -10,8 +10,16 @@ import pytest
 
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from reproduction.calibration import sensitivity
-from reproduction.calibration.figures import RUNS_AWAY, TRACKING, Figure, figures_of, parts
-from reproduction.calibration.points import FARTHEST, distance, summed
+from reproduction.calibration.figures import (
+    FARTHEST,
+    RUNS_AWAY,
+    TRACKING,
+    Figure,
+    distance,
+    figures_of,
+    parts,
+    summed,
+)
 from reproduction.chapter2.order_survey import set_point_record
 from reproduction.framework.findings import Finding, thesis_table
 from reproduction.framework.rig import simulated_record

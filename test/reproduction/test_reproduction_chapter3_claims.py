@@ -8,11 +8,12 @@ import pytest
 
 from reproduction.chapter3 import claims
 from reproduction.chapter3.claims import CODES, NOISES
-from reproduction.chapter3.drift import (
+from reproduction.chapter3.costs import (
     RIGS,
     drift_calls,
     drift_table,
     full_model_errors,
+    left_out_reason,
 )
 from reproduction.chapter3.examples import (
     EXAMPLES,
@@ -22,7 +23,6 @@ from reproduction.chapter3.examples import (
     ReductionTrial,
     Stage,
 )
-from reproduction.chapter3.left_out import left_out_reason
 from reproduction.chapter3.trial import (
     errors_text,
     means,

@@ -9,14 +9,22 @@ import pytest
 
 from bench.control import calibration
 from bench.control.calibration import differing, effects, search
-from reproduction.calibration.figures import TRACKING, Figure, rig_of
-from reproduction.calibration.points import CHAPTERS, FARTHEST, Point, distance, summed
+from reproduction.calibration.figures import (
+    CHAPTERS,
+    FARTHEST,
+    TRACKING,
+    Figure,
+    Point,
+    distance,
+    rig_of,
+    summed,
+)
 from reproduction.framework.study_rig import STUDY_RIG
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from reproduction.calibration.points import Value
+    from reproduction.calibration.figures import Value
 
 GRID = {"backlash_deg": (0.1, 0.2, 0.3, 0.4), "breakaway_ratio": (1.0, 1.1, 1.2)}
 
