@@ -31,10 +31,10 @@ from flexarm_ident.fitting.validation import (
 from flexarm_ident.friction.dry_friction import refer_friction
 from flexarm_ident.friction.first_motion import validate_with_friction
 from flexarm_ident.records.data_warning import Grade
-from flexarm_ident.records.holes import known_parts
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.records.span import measured
+from flexarm_ident.records.unknown_inputs import known_parts
 from flexarm_ident.reduction.modal import reduce_model
 from flexarm_ident.workflow.outcome import Outcome
 from flexarm_ident.workflow.request import FEEDTHROUGH

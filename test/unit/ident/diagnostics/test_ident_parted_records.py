@@ -11,7 +11,7 @@ from scipy import signal
 
 from flexarm_ident import IoData
 from flexarm_ident.diagnostics.quality import assess
-from flexarm_ident.records.holes import known_parts
+from flexarm_ident.records.unknown_inputs import known_parts
 from flexarm_ident.subspace.gram import block_gram
 from support.ident_systems import random_model, record
 

@@ -11,8 +11,8 @@ import pytest
 
 from flexarm_ident import read_bag
 from flexarm_ident.diagnostics.quality import assess
-from flexarm_ident.records.holes import known_parts
 from flexarm_ident.records.span import Span
+from flexarm_ident.records.unknown_inputs import known_parts
 from flexarm_ident.subspace.gram import block_gram
 from support.bag_samples import (
     START_NS,

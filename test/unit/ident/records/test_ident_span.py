@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexarm_ident import DataError, IoData, Span
-from flexarm_ident.records.holes import known_parts
 from flexarm_ident.records.span import measured, without
+from flexarm_ident.records.unknown_inputs import known_parts
 
 ROWS = 3000
 

@@ -9,7 +9,7 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import DataError, IoData, validate_dmv
-from flexarm_ident.records.holes import known_parts
+from flexarm_ident.records.unknown_inputs import known_parts
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 
