@@ -255,9 +255,6 @@ def _subject(number: str, code: str) -> Subject:
     )
 
 
-SUBJECTS = tuple(_subject(number, code) for number, code in TABLES.items())
-
-
 def full_model_errors(code: str, rig: str, seed: int) -> tuple[float, ...]:
     """Return the four errors by data matching of a full model from one of the easier `RIGS`."""
     example, changed = EXAMPLES[code], RIGS[rig]
@@ -335,3 +332,6 @@ def _correlation(found: Sequence[ReductionTrial], way: str) -> str:
         rank=ranks.statistic,
         p=p_text(float(ranks.pvalue)),
     )
+
+
+SUBJECTS = tuple(_subject(number, code) for number, code in TABLES.items())
