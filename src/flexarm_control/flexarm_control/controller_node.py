@@ -19,6 +19,7 @@ from flexarm_control.rig_setup import RigSetup, first_references
 from flexarm_control.sample_rate import SampleRate
 from flexarm_core.channels import TRAVEL_DEG, is_thesis_arm
 from flexarm_core.errors import SettingError
+from flexarm_ident.models.control_library import control_library
 from flexarm_msgs.msg import LawInForce, PayloadEstimate
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
@@ -140,9 +141,11 @@ class ControllerNode(AnsweringNode):
         """Prepare a run, and publish the set-point."""
         super().prepare()
         if self.direct is None or not self.direct.waits:
-            # A law that is set during the run may need this library, and loading it then would
+            # A law that is set during the run may need these libraries, and loading them then would
             # cost the loop some periods.
-            import_module("control")
+            control_library()
+            import_module("scipy.special")
+            import_module("scipy.sparse.linalg")
         if self._references is None and is_thesis_arm(self.description):
             self._references = (0.0,)
         self.listen()
