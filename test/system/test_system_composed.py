@@ -84,10 +84,12 @@ def test_record___of_one_process___is_that_of_two(graph: Graph, tmp_path: Path) 
     assert one == two
 
 
-def test_composed_loop___emergency_stop_and_end___zero_while_it_drives(graph: Graph) -> None:
+def test_composed_loop___emergency_stop_standstill_and_end___zero_and_a_report(
+    graph: Graph,
+) -> None:
     states: list[ArmState] = []
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
-    composed = start_composed(graph, {"rate_hz": 300.0})
+    composed = start_composed(graph, {"rate_hz": 300.0, "time": "real"})
     graph.operator.activate("controller")
     assert graph.transition("daq", "activate")
     graph.wait(lambda: bool(states) and states[-1].command_v != 0.0, "a driven arm")
@@ -105,23 +107,13 @@ def test_composed_loop___emergency_stop_and_end___zero_while_it_drives(graph: Gr
     graph.wait(lambda: not states[-1].command_v, "zero without a commander")
     graph.operator.activate("controller")
     graph.wait(lambda: states[-1].command_v != 0.0, "a driven arm for the third time")
-    # Under a launcher a node gets two.
-    end(composed, signal.SIGINT, signal.SIGTERM)
-
-
-def test_composed_loop___that_stands_still___is_reported(graph: Graph) -> None:
-    states: list[ArmState] = []
-    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
-    composed = start_composed(graph, {"rate_hz": 300.0, "time": "real"})
-    graph.operator.activate("controller")
-    assert graph.transition("daq", "activate")
-    graph.wait(lambda: len(states) >= 300, "samples")
     composed.send(signal.SIGSTOP)
     # The length of the standstill, which is the fault, and no deadline.
     time.sleep(0.3)
     composed.send(signal.SIGCONT)
     graph.wait(lambda: "in all: the loop was held up" in composed.printed, "words of it")
-    end(composed, signal.SIGINT)
+    # Under a launcher a node gets two.
+    end(composed, signal.SIGINT, signal.SIGTERM)
 
 
 def test_composed_loop___wrong_parameter_of_the_controller___ends_with_a_line(

@@ -7,12 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_bringup.runs.pace import Pace
-from flexarm_bringup.verbs.simulated.one_process import one_process
-from flexarm_bringup.verbs.simulated.simulated_run import RunSettings
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from flexarm_ident.provenance import samples_hash
 from support.exhaustive import first_of
 from support.looking_on import looked_on
 from support.system_graph import ROOT, eventually
@@ -86,30 +82,6 @@ def test_demo___meets_its_figures_and_leaves_only_results(graph: Graph, tmp_path
     assert not (out / "bag").exists()
     assert "Traceback" not in (out / "nodes.log").read_text()
     assert graph.survivors() == []
-    hashes = [*summary["sha256_of_samples"], planned["sha256_of_samples"]]
-    assert hashes == in_one_process(tmp_path, payload_kg=0.4, seed=5)
-
-
-def in_one_process(folder: Path, *, payload_kg: float, seed: int) -> list[str]:
-    """Return the hashes of all records as they are made without nodes."""
-    settings = RunSettings(
-        out=folder,
-        payload_kg=payload_kg,
-        seed=seed,
-        pace=Pace.FAST,
-        keep_bag=True,
-        force=False,
-        live=False,
-        namespace="/flexarm",
-    )
-    with one_process(settings) as run:
-        law = {"law": "planned", "planned.payload_kg": payload_kg}
-        records = (
-            run.excite(),
-            run.step("step", {"law": "pdpc"}).recorded,
-            run.step("planned", law, length_s=3.0).recorded,
-        )
-    return [samples_hash(each.reading.data) for each in records]
 
 
 @pytest.mark.parametrize("moment", first_of(["Starting the nodes", "Identifying"]))

@@ -79,6 +79,7 @@ def test_experiments___again_over_the_old_ones___repeat_themselves(
     assert not check_bag(out / "R_dat7").problems
 
 
+@pytest.mark.exhaustive
 def test_experiment_on_a_board_that_is_not_there___says_what_the_node_said(
     graph: Graph, tmp_path: Path
 ) -> None:

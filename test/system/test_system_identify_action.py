@@ -20,6 +20,7 @@ from flexarm_ident.models.model_parameters import model_from_parameters
 from flexarm_ident.workflow.request import Request
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.srv import Identify
+from support.exhaustive import first_of
 from support.identification_service import as_plain
 from support.project import BAGS
 from support.system_graph import Graph, eventually
@@ -287,7 +288,7 @@ def test_goal_that_fails___is_aborted_with_one_line(
     assert result.message == "/nowhere/run: no such bag"
 
 
-@pytest.mark.parametrize("reported", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("reported", first_of([signal.SIGINT, signal.SIGTERM]))
 def test_signal_at_work___ends_the_node_and_leaves_no_file(
     graph: Graph, models: Path, reported: signal.Signals
 ) -> None:

@@ -134,6 +134,7 @@ def test_board_pulled_out___node_stops_sampling_and_says_the_drive_may_be_driven
     assert "-201003" in daq.printed
 
 
+@pytest.mark.exhaustive
 def test_simulated_rig_with_the_self_test___is_activated(graph: Graph) -> None:
     daq = graph.start("daq", {"self_test": "on", "noise": "thesis", "payload_kg": 0.4})
     assert graph.transition("daq", "configure")

@@ -151,6 +151,7 @@ def test_player___stopped_and_started___goes_on_where_it_was(graph: Graph, tmp_p
     assert states == list(range(1, 2501))
 
 
+@pytest.mark.exhaustive
 def test_player___in_a_live_graph___ends_with_one_line_and_plays_nothing(
     graph: Graph, tmp_path: Path
 ) -> None:

@@ -114,6 +114,7 @@ def test_arm_whose_time_runs_ahead___every_stamp_is_of_its_time_and_the_wall_clo
     assert all(abs(each - time.time()) < 60.0 for each in walls_s.values()), walls_s
 
 
+@pytest.mark.exhaustive
 def test_arm_in_virtual_time___without_clock___publishes_none(graph: Graph) -> None:
     graph.start("daq", {"autostart": True, "clock": False, "rate_hz": 50.0})
     states: list[ArmState] = []
