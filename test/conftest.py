@@ -28,7 +28,7 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 # A run says today what it says tomorrow; `--hypothesis-profile explore` looks elsewhere each time.
 settings.register_profile("explore", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("exhaustive", settings.get_profile("explore"), derandomize=True)
-settings.register_profile("flexarm", settings.get_profile("exhaustive"), max_examples=30)
+settings.register_profile("flexarm", settings.get_profile("exhaustive"), max_examples=20)
 settings.load_profile("flexarm")
 
 

@@ -8,6 +8,7 @@ import runpy
 import shutil
 import sys
 from configparser import ConfigParser
+from functools import cache
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
@@ -57,6 +58,7 @@ def sources(package: Path) -> Iterator[Module]:
             yield Module(file.stem, file)
 
 
+@cache
 def imported(folder: Path) -> set[str]:
     """Return the names of what is imported in a folder and neither is nor comes with Python."""
     names = {name.partition(".")[0] for each in sources(folder) for name in each.imported}

@@ -14,6 +14,7 @@ from flexarm_ident import IdentificationError, identify, read_bag
 from flexarm_ident.reading.read import stream_bag
 from flexarm_ident.records.preprocess import remove_compensation
 from support.bag_samples import START_NS, arm_state, commander_info, write_in_chunks
+from support.exhaustive import wide
 from support.ident_systems import arm_model, square_wave, step_by_step
 
 if TYPE_CHECKING:
@@ -53,7 +54,9 @@ def messages(
 
 
 @settings(
-    max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=wide(4, 8),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(
     seed=st.integers(0, 2**32),

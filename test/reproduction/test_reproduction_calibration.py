@@ -52,6 +52,7 @@ def test_parts___of_a_rig___are_of_all_chapters() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_figures___of_a_gauge_with_half_the_gain___halve_its_gain_in_the_model() -> None:
     half = (("base_gauge_v_per_nm", 0.5 * STUDY_RIG.base_gauge_v_per_nm),)
     plain, halved = (figures_of("nominal", "0", changes, 1) for changes in ((), half))

@@ -195,6 +195,7 @@ def test_trial___of_the_unstable_example___has_one_real_eigenvalue_outside() -> 
     assert found.curves.measured.shape == found.curves.dmv["unstable"].shape
 
 
+@pytest.mark.exhaustive
 def test_drift___is_less_without_friction_gear_play_and_noise() -> None:
     as_it_is, *_, easiest = (full_model_errors("Ao2_19", rig, 1) for rig in RIGS)
     assert easiest[0] < 0.75 * as_it_is[0]

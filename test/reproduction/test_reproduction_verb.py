@@ -180,6 +180,7 @@ def test_verb___outside_a_checkout___says_so_in_a_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_verb___interrupt___reaches_the_program(tmp_path: Path) -> None:
     with verb_of(tmp_path, "reproduce", "table-2-1", "--jobs", "1") as running:
         assert running.stdout is not None

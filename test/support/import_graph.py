@@ -78,7 +78,7 @@ def _imported(nodes: Iterable[ast.AST]) -> Iterator[str]:
 def _walk_without_types(tree: ast.AST) -> Iterator[ast.AST]:
     yield tree
     for node in ast.iter_child_nodes(tree):
-        if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
+        if not (isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"):
             yield from _walk_without_types(node)
 
 

@@ -74,7 +74,7 @@ def test_check___single_file___needs_no_folder(whole: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=wide(40, 80))
+@settings(max_examples=wide(20, 80))
 @given(data=st.data())
 def test_check___one_wrong_bit_in_the_file___is_noticed(whole: Path, data: st.DataObject) -> None:
     file = mcap_file(whole)

@@ -22,7 +22,7 @@ from support.bag_samples import (
     write_bag,
 )
 from support.damaged_bags import CHUNK, Recording, content, content_of_file, damaged_copy
-from support.exhaustive import wide
+from support.exhaustive import first_of, wide
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -104,7 +104,7 @@ def test_file_cut_anywhere___every_whole_chunk_is_saved(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("indexed", [True, False])
+@pytest.mark.parametrize("indexed", first_of([True, False]))
 @settings(max_examples=wide(30, 60))
 @given(data=st.data())
 def test_one_wrong_byte_in_a_chunk___costs_the_messages_of_that_chunk(

@@ -71,6 +71,7 @@ def test_bench_real___folder_of_two_records___has_a_row_for_each(tmp_path: Path)
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_bench_real___empty_folder___is_refused(tmp_path: Path) -> None:
     done = run_bench("ident.real", str(tmp_path))
     assert done.returncode == 1

@@ -34,7 +34,7 @@ from flexarm_daq.loop.exchange import Record
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.nodes.recording import Recording
 from support.bag_samples import START_NS, arm_state, header, serialised
-from support.exhaustive import wide
+from support.exhaustive import first_of, wide
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,7 +47,7 @@ QUIET_NS = 500_000_000
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", range(PARTS))
+@pytest.mark.parametrize("part", first_of(range(PARTS)))
 def test_seeds___all_invariants_hold(part: int) -> None:
     _, failures = run_seeds(range(part, SEEDS, PARTS))
     assert not failures, "\n".join(map(described, failures))
@@ -121,6 +121,7 @@ def test_recorder___that_acknowledges_before_it_writes___is_found(
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_commander___that_forgets_a_silence_at_the_next_one___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -136,6 +137,7 @@ def test_commander___that_forgets_a_silence_at_the_next_one___is_found(
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_commander___that_obeys_a_number_again___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -167,6 +169,7 @@ def test_recorder___that_awaits_recent_topics_alone___is_found(
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_recorder___whose_wait_a_backlog_does_not_renew___is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

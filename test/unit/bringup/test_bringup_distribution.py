@@ -71,6 +71,7 @@ def called(command: Path, folder: Path, *words: str) -> subprocess.CompletedProc
     )
 
 
+@pytest.mark.exhaustive
 def test_identify___csv_of_the_example___gives_the_modes_of_the_arm(
     command: Path, tmp_path: Path
 ) -> None:

@@ -19,6 +19,7 @@ from flexarm_ident.models.files import load_model
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.workflow.request import Request
 from support.bag_samples import START_NS, io_sample, write_bag
+from support.exhaustive import first_of
 from support.ident_systems import random_model, step_by_step
 
 if TYPE_CHECKING:
@@ -229,7 +230,7 @@ def test_identify_bags___format_that_is_not_asked_for___of_somebody_else_stays(
 
 @pytest.mark.usefixtures("short_report")
 @pytest.mark.parametrize("stage", [each for each in STAGES if each not in {"order", "friction"}])
-@pytest.mark.parametrize("interruption", [Cancelled, KeyboardInterrupt])
+@pytest.mark.parametrize("interruption", first_of([Cancelled, KeyboardInterrupt]))
 @pytest.mark.slow
 def test_identify_bags___interrupted_at_any_stage___leaves_no_trace(
     tmp_path: Path, stage: str, interruption: type[BaseException]

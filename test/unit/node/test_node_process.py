@@ -9,6 +9,7 @@ from contextlib import ExitStack
 import pytest
 
 from flexarm_node.process import DIE_WITH_PARENT, GATE, PRIORITY
+from support.exhaustive import first_of
 
 NODE = """
 from flexarm_node.process import run
@@ -129,14 +130,17 @@ run(Node, %s)
 
 @pytest.mark.parametrize(
     ("kind", "priority", "asked"),
-    [
-        ("realtime=True", "20", [(os.SCHED_FIFO, 20)]),
-        ("keeps_up=True", "20", [(os.SCHED_FIFO, 19)]),
-        ("realtime=False", "20", []),
-        ("realtime=True", "0", []),
-        ("keeps_up=True", "0", []),
-        ("keeps_up=True", "1", []),
-    ],
+    first_of(
+        [
+            ("realtime=True", "20", [(os.SCHED_FIFO, 20)]),
+            ("keeps_up=True", "20", [(os.SCHED_FIFO, 19)]),
+            ("realtime=False", "20", []),
+            ("realtime=True", "0", []),
+            ("keeps_up=True", "0", []),
+            ("keeps_up=True", "1", []),
+        ],
+        3,
+    ),
 )
 def test_run___kind_of_node___asks_for_its_priority(
     kind: str, priority: str, asked: list[tuple[int, int]]

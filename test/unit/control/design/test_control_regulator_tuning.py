@@ -18,6 +18,7 @@ from flexarm_control.models.nominal_models import identified_model, nominal_mode
 from flexarm_control.models.rigid_and_bending import design_model
 from flexarm_control.simulation import simulate_loop
 from flexarm_core.errors import SettingError
+from support.exhaustive import first_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,7 +40,7 @@ def stepped_criterion(design: IlqrDesign) -> float:
     return float(0.5 * dt_s * (time_s @ np.abs(1.0 - y[:, 0]) + np.sum(time_s @ shares)))
 
 
-@pytest.mark.parametrize(("design", "weights"), DESIGNS)
+@pytest.mark.parametrize(("design", "weights"), first_of(DESIGNS))
 @pytest.mark.slow
 def test_tuning___keeps_the_margins_and_no_other_effort_that_does_is_better(
     design: Callable[..., IlqrDesign], weights: RegulatorWeights

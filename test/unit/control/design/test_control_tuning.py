@@ -74,6 +74,7 @@ def test_tune_pdp___printed_models___is_the_recomputed_optimum(printed: PdpTunin
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_tune_pdp___flipped_gauge___is_the_recomputed_optimum(flipped: PdpTuning) -> None:
     assert flipped.criterion == pytest.approx(3.35, abs=0.005)
     assert flipped.gains.kp == pytest.approx(0.543, abs=0.003)

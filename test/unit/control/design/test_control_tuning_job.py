@@ -25,6 +25,7 @@ from flexarm_ident.models.files import save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_ident.models.state_space import with_matrices
+from support.exhaustive import first_of
 from support.project import BAGS
 
 if TYPE_CHECKING:
@@ -153,7 +154,7 @@ def test_tune___unknown_law___is_refused() -> None:
         tune({}, TuneRequest("pd"))
 
 
-@pytest.mark.parametrize("law", ["ilqr", "lqg"])
+@pytest.mark.parametrize("law", first_of(["ilqr", "lqg"]))
 @pytest.mark.slow
 def test_tune___regulator___gives_model_and_weights_that_the_law_is_built_of(
     law: str, tmp_path: Path
@@ -244,7 +245,9 @@ def test_tune___whatever_the_law___explains_its_figures() -> None:
         assert re.search("searched|tried", said)
 
 
-@pytest.mark.parametrize(("law", "reported"), [("pdp", "pdpc"), ("ilqr", "ilqr"), ("lqg", "lqg")])
+@pytest.mark.parametrize(
+    ("law", "reported"), first_of([("pdp", "pdpc"), ("ilqr", "ilqr"), ("lqg", "lqg")])
+)
 @pytest.mark.slow
 def test_tune___models_from_elsewhere___says_which_friction_the_law_makes_up_for(
     law: str, reported: str
@@ -270,7 +273,8 @@ def rubbing(folder: Path, level_v: float, input_name: str = "command_v") -> str:
 
 
 @pytest.mark.parametrize(
-    ("law", "laws"), [("pdp", ["pdpc", "pdpc_plus"]), ("ilqr", ["ilqr"]), ("lqg", ["lqg"])]
+    ("law", "laws"),
+    first_of([("pdp", ["pdpc", "pdpc_plus"]), ("ilqr", ["ilqr"]), ("lqg", ["lqg"])]),
 )
 @pytest.mark.slow
 def test_tune___models_with_their_friction___makes_up_for_the_least_of_it(
@@ -306,7 +310,7 @@ def test_tune___friction_beyond_what_a_law_makes_up_for___is_left_to_the_user() 
     assert "set it to the level that identify finds" in result.notes[-1]
 
 
-@pytest.mark.parametrize("law", ["pdp", "ilqr", "pi"])
+@pytest.mark.parametrize("law", first_of(["pdp", "ilqr", "pi"]))
 @pytest.mark.slow
 def test_tune___models_of_the_thesis_or_law_without_compensation___says_nothing_of_friction(
     law: str,
@@ -325,7 +329,7 @@ def without(*outputs: int) -> control.StateSpace:
     return with_matrices(model, A=model.A, B=model.B, C=C, D=model.D)
 
 
-@pytest.mark.parametrize("law", ["pdp", "lqg", "pi"])
+@pytest.mark.parametrize("law", first_of(["pdp", "lqg", "pi"]))
 @pytest.mark.slow
 def test_tune___outputs_that_the_input_does_not_reach___are_named(law: str) -> None:
     (note, *others) = tune({"rig": without(2, 3)}, TuneRequest(law=law)).notes

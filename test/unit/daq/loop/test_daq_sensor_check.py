@@ -59,7 +59,7 @@ def complaints(
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("noise_v", [LOW_NOISE_V, THESIS_NOISE_V, NO_NOISE_V])
+@pytest.mark.parametrize("noise_v", first_of([(LOW_NOISE_V,), (THESIS_NOISE_V,), (NO_NOISE_V,)]))
 @pytest.mark.parametrize("payload_kg", first_of([0.4, 0.0]))
 def test_healthy_rig___in_any_motion___gives_no_alarm(
     drive: str, noise_v: tuple[float, float, float, float], payload_kg: float

@@ -208,6 +208,7 @@ def test_simulate___in_two_parts___is_the_whole() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_response___of_the_plain_loop___is_that_of_the_compiled_one() -> None:
     script = (
         "import json, numpy as np\n"

@@ -55,6 +55,7 @@ def test_simulation_error___records_in_motion___has_the_gradient_of_differences(
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_fit___no_start_beats_the_other_model___ends_after_the_first_of_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -38,7 +38,7 @@ def in_its_loop(
     return IoData(u, y, dt_s=period_s, inputs=("u",), outputs=("y",))
 
 
-@pytest.mark.parametrize("plant", [PENDULUM, GROWING], ids=["pendulum", "growing"])
+@pytest.mark.parametrize("plant", first_of([(PENDULUM,), (GROWING,)]), ids=["pendulum", "growing"])
 @pytest.mark.parametrize("seed", first_of(range(2)))
 @pytest.mark.slow
 def test_run___unstable_plant_in_its_loop___next_step_keeps_it_unstable(
@@ -67,7 +67,7 @@ def test_is_unstable___disturbance_as_large_as_the_answer___is(seed: int) -> Non
     assert is_unstable(A, C, [data])
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", first_of(range(20), 7))
 def test_is_unstable___stable_plant_with_an_eigenvalue_put_outside___is_not(seed: int) -> None:
     rng = np.random.default_rng(seed)
     frequency, decay = rng.uniform(5.0, 30.0), rng.uniform(0.1, 2.0)

@@ -21,6 +21,7 @@ from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.gram import BlockGram, block_gram
 from flexarm_ident.subspace.orse import innovation_scaled, past_instruments
+from support.exhaustive import first_of
 from support.ident_systems import (
     DT_S,
     arm_model,
@@ -65,7 +66,7 @@ def fitted(matrices: StateMatrices, data: IoData) -> control.StateSpace:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("colour", "block_rows"), [("white", PAST), ("ar", 2 * PAST)])
+@pytest.mark.parametrize(("colour", "block_rows"), first_of([("white", PAST), ("ar", 2 * PAST)]))
 def test_uncertainty___many_seeds___is_within_a_factor_of_two_of_their_scatter(
     colour: str, block_rows: int
 ) -> None:

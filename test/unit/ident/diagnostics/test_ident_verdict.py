@@ -17,6 +17,7 @@ from flexarm_ident.diagnostics.verdict import (
 )
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
+from support.exhaustive import first_of
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 NAMES = ("position", "strain", "speed", "tip")
@@ -194,7 +195,7 @@ def test_outcome___input_delayed_by_60_samples___is_not_usable_for_the_delay() -
     assert "fix the data (delay)" in str(outcome.verdict)
 
 
-@pytest.mark.parametrize("offset", [1.0, 6.0, 10.0])
+@pytest.mark.parametrize("offset", first_of([1.0, 6.0, 10.0]))
 @pytest.mark.parametrize("noise", [0.05, 3.0])
 def test_verdict___offset_of_an_output___flatters_no_error(offset: float, noise: float) -> None:
     model = random_model(3, 4, 2, 1)

@@ -69,6 +69,7 @@ CASES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", first_of(CASES))
+@pytest.mark.exhaustive
 def test_modes___of_many_records___are_within_their_deviations(case: str) -> None:
     plant, rate_hz, shapes = CASES[case]
     within = []
@@ -130,7 +131,7 @@ def test_lines___of_rotating_parts___are_reported_from_modes() -> None:
     assert found.without_lines()[at_line, 0] < 0.1 * found.density[at_line, 0]
 
 
-@pytest.mark.parametrize("kind", ["white", "coloured", "walk"])
+@pytest.mark.parametrize("kind", first_of(["white", "coloured", "walk"]))
 @pytest.mark.slow
 def test_noise___without_a_resonance___has_no_mode(kind: str) -> None:
     for seed in range(5):

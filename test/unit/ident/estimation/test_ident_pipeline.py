@@ -33,7 +33,7 @@ def arm_experiment(seed: int, samples: int = 12_000) -> IoData:
     return IoData(u, y + noise, dt_s=DT_S)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_of(range(3)))
 def test_identify___noisy_arm_under_square_wave___modes_within_a_few_percent(seed: int) -> None:
     data = arm_experiment(seed)
     found = identify(data.head(6000), method="orse")
@@ -243,7 +243,7 @@ def test_identify___matrices_too_large___are_refused_with_what_would_do(
         identify(data, **options)
 
 
-@pytest.mark.parametrize("samples", [150, 250, 400])
+@pytest.mark.parametrize("samples", first_of([150, 250, 400]))
 @pytest.mark.slow
 def test_identify___record_too_short_for_forty_block_rows___has_fewer_of_them(samples: int) -> None:
     # 5 channels and 1 take 12 samples a block row with those of the past.
@@ -284,7 +284,7 @@ def test_identify___every_method___fits_the_arm(method: str) -> None:
     assert len(found.mode_uncertainty) == len(found.modes)
 
 
-@pytest.mark.parametrize("kind", ["integrator", "free hub"])
+@pytest.mark.parametrize("kind", first_of(["integrator", "free hub"]))
 @pytest.mark.parametrize("seed", first_of(range(3)))
 @pytest.mark.slow
 def test_identify___free_motion___simulates_and_is_kept_by_the_refinement(

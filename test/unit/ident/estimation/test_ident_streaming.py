@@ -32,6 +32,7 @@ from support.bag_samples import (
     write_foreign_bag,
     write_in_chunks,
 )
+from support.exhaustive import first_of
 from support.ident_systems import arm_model, random_model, record, square_wave, step_by_step
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def test_even_chunks___any_pieces___every_row_once_in_order(lengths: list[int], 
 
 
 @pytest.mark.parametrize("method", ["auto", "orse", "orse_iv", "pbsid", "orse_thesis"])
-@pytest.mark.parametrize("noise", [0.0, 0.05])
+@pytest.mark.parametrize("noise", first_of([0.0, 0.05]))
 @pytest.mark.parametrize("lengths", [[100_000], [1], [997, 64, 3]])
 def test_identify___any_pieces___is_the_model_of_the_whole_record(
     method: str, noise: float, lengths: list[int]
@@ -183,7 +184,7 @@ def rows(uri: Path, samples: int = 16) -> tuple[Array, Array]:
     return np.concatenate([u for u, _ in chunks]), np.concatenate([y for _, y in chunks])
 
 
-@pytest.mark.parametrize("per_chunk", [1, 7, 50, 1000])
+@pytest.mark.parametrize("per_chunk", first_of([1, 7, 50, 1000]))
 @pytest.mark.parametrize(
     "sequences",
     [
@@ -313,7 +314,7 @@ def test_record_hash___in_pieces___is_that_of_the_whole() -> None:
     assert record_hash(Pieces(data, [7, 50])) == record_hash(data)
 
 
-@pytest.mark.parametrize("method", ["auto", "orse", "orse_iv", "pbsid", "orse_thesis"])
+@pytest.mark.parametrize("method", first_of(["auto", "orse", "orse_iv", "pbsid", "orse_thesis"], 2))
 def test_identify___ten_times_the_samples___takes_no_more_memory(method: str) -> None:
     base = arm_record(5000, 0.05)
     identify([Repeated(base, 2)], order=9, block_rows=15, method=method)

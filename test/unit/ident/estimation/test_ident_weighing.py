@@ -168,7 +168,7 @@ def test_auto___few_block_rows___gives_a_model(block_rows: int) -> None:
     assert 1 <= identify(data, method="auto", block_rows=block_rows).order < block_rows
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_of(range(3)))
 def test_auto___noise_free_record___has_the_order_of_the_system(seed: int) -> None:
     data = record(random_model(seed, states=4), 2000, seed)
     assert identify(data, method="auto").order == 4
@@ -204,6 +204,7 @@ def test_auto___any_record___simulates_no_worse_than_the_order_by_one_step_error
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_auto___outputs_in_other_units___chooses_the_same() -> None:
     data = disturbed(5)
     auto = identify(data, method="auto")

@@ -22,6 +22,7 @@ from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.model_parameters import ModelFileError
 from flexarm_ident.models.stick_slip import friction_force
 from flexarm_ident.records.signals import dead_stretches, live_samples
+from support.exhaustive import first_of
 from support.ident_systems import DT_S, arm_model, named
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ def test_simulation___friction_under_load___takes_its_part_of_the_push(push: flo
 
 
 @pytest.mark.parametrize("friction", [dry(0.4, 0.1), clinging(0.3, 0.05, 0.2)])
-@pytest.mark.parametrize("suffix", ["yaml", "json", "mat"])
+@pytest.mark.parametrize("suffix", first_of(["yaml", "json", "mat"]))
 @pytest.mark.slow
 def test_load_friction___file_of_save_model___has_it_back(
     friction: DryFriction, suffix: str, tmp_path: Path

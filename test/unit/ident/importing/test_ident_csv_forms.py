@@ -14,6 +14,7 @@ from flexarm_ident.importing.csv_columns import TableColumns, named_columns
 from flexarm_ident.importing.csv_import import import_csv
 from flexarm_ident.importing.csv_record import read_csv
 from support.bag_samples import typestore
+from support.exhaustive import first_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from flexarm_ident import IoData
     from flexarm_ident.importing.csv_import import ImportSummary
 
-ROWS, RATE_HZ = 400, 200.0
+ROWS, RATE_HZ = 240, 200.0
 EPOCH_S = 1766147454
 
 
@@ -73,7 +74,7 @@ def echo_2() -> str:
 
 LVM = (
     "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t,\n"
-    "***End_of_Header***\t\n\t\nChannels\t3\t\nSamples\t400\t400\t400\nDelta_X\t0,005\t0,005\t0,005\n"
+    "***End_of_Header***\t\n\t\nChannels\t3\t\nSamples\t240\t240\t240\nDelta_X\t0,005\t0,005\t0,005\n"
     "X_Dimension\tTime\tTime\tTime\n"
     "***End_of_Header***\t\t\nX_Value\tu\ty1\ty2\tComment\n"
 )
@@ -304,9 +305,9 @@ FORMS: dict[str, tuple[str, float]] = {
         joined(
             "t_h,heater,u,y1,y2\n",
             ",",
-            [[f"{k / 60.0:.5f}", "1", *row[1:]] for k, row in enumerate(cells())],
+            [[f"{k / 10.0:.1f}", "1", *row[1:]] for k, row in enumerate(cells())],
         ),
-        1.0 / 60.0,
+        1.0 / 360.0,
     ),
     "two equal names": (
         joined("t,x,x,u,y1,y2\n", ",", [[r[0], "1", "2", *r[1:]] for r in cells()]),
@@ -463,7 +464,7 @@ def test_times___at_steps_that_people_choose___are_taken_whatever_the_names(
 
 @pytest.mark.parametrize(
     ("last", "first", "said"),
-    [(300, 0, r"line 302: .* make a file of each run"), (100, 99, r"line 102: .* keep one")],
+    [(150, 0, r"line 152: .* make a file of each run"), (100, 99, r"line 102: .* keep one")],
 )
 def test_times___that_do_not_rise___are_refused_with_their_line(
     tmp_path: Path, last: int, first: int, said: str
@@ -475,10 +476,13 @@ def test_times___that_do_not_rise___are_refused_with_their_line(
 
 @pytest.mark.parametrize(
     "cell",
-    [
-        *("?", "#DIV/0!", "1.#QNAN", "OVF", "<missing>", "-", "Bad", "No Data", "--.--", "*"),
-        *("#NV", "#N/V", "#WERT!"),
-    ],
+    first_of(
+        [
+            *("?", "#DIV/0!", "1.#QNAN", "OVF", "<missing>", "-", "Bad", "No Data", "--.--", "*"),
+            *("#NV", "#N/V", "#WERT!"),
+        ],
+        5,
+    ),
 )
 def test_word___that_a_program_writes_for_no_number___is_a_hole(tmp_path: Path, cell: str) -> None:
     rows = cells()

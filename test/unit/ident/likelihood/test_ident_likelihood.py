@@ -116,6 +116,7 @@ def test_identify___refined___keeps_a_given_order_only() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_likelihood___deviations___hold_over_many_records() -> None:
     clean = identify(
         record(random_model(5, 4, 2, 1), 600, 0), order=4, block_rows=10, method="orse"

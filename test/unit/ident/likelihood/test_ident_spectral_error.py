@@ -98,6 +98,7 @@ def test_likelihood___hole_of_one_row___changes_the_way_but_not_the_model() -> N
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_likelihood___deviation_of_the_response___is_its_scatter_over_records() -> None:
     model = random_model(5, 4, 2, 1)
     grid = frequency_grid(model, 1.0)[::40]
@@ -129,6 +130,7 @@ def test_auto___errors_that_are_noise___takes_the_likelihood_and_its_left_out_er
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_auto___direct_term___is_no_noise_of_a_model_without_it() -> None:
     model = random_model(5, 4, 2, 1, feedthrough=True)
     rng = np.random.default_rng(0)

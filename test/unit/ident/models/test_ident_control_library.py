@@ -90,6 +90,7 @@ def test_control_library__plots___draw_as_ever() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_control_library__statistics___come_with_their_first_use() -> None:
     light, peaks, half = output(_STATISTICS)
     assert light == ""
@@ -98,6 +99,7 @@ def test_control_library__statistics___come_with_their_first_use() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_control_library__sampling_and_optimal_control___come_with_their_first_use() -> None:
     light, *found = output(_FUNCTIONS)
     assert light == ""
@@ -105,6 +107,7 @@ def test_control_library__sampling_and_optimal_control___come_with_their_first_u
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_control_library__pyplot_imported_before___stays() -> None:
     assert output(_KNOWN) == ["True True"]
 

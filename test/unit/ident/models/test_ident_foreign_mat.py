@@ -41,6 +41,7 @@ def test_load_model___foreign_mat_file_that_kills_scipy___is_refused(
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_load_model___foreign_mat_file_of_gigabytes___is_refused(
     tmp_path: Path, content: bytes
 ) -> None:

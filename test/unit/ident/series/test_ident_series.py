@@ -85,6 +85,7 @@ def test_each___parquet_of_somebody_else___is_refused_before_the_work(
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_each___report_of_somebody_else_in_a_bags_folder___fails_that_bag_alone(
     tmp_path: Path, bags: list[Path], computed: list[str]
 ) -> None:

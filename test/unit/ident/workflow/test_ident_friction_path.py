@@ -190,6 +190,7 @@ def test_friction___none_there_or_compensated___linear_model_without_a_word() ->
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_friction___level_hidden_from_the_regression___is_found_where_errors_are_no_noise(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

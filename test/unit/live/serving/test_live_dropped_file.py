@@ -14,6 +14,7 @@ from flexarm_core.errors import FlexarmError
 from flexarm_live.graph.store import Store, signals_of
 from flexarm_live.serving import desk
 from flexarm_live.serving.desk import receive_file
+from support.exhaustive import first_of
 from support.live_server import PATIENCE_S, TOKEN, LiveServer, MemoryLaboratory, live_server, until
 
 if TYPE_CHECKING:
@@ -84,20 +85,23 @@ def test_folder_of_a_bag___dropped_file_by_file___is_a_record(
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "..%2Fx.csv",
-        "a/b/c.csv",
-        "%2Fetc%2Fx.csv",
-        ".x.csv",
-        "a/..",
-        "..%5Cx.csv",
-        "",
-        "x%00.csv",
-        "x" * 300 + ".csv",
-        "page.html",
-        "metadata.yaml",
-        "table.xlsx",
-    ],
+    first_of(
+        [
+            "..%2Fx.csv",
+            "a/b/c.csv",
+            "%2Fetc%2Fx.csv",
+            ".x.csv",
+            "a/..",
+            "..%5Cx.csv",
+            "",
+            "x%00.csv",
+            "x" * 300 + ".csv",
+            "page.html",
+            "metadata.yaml",
+            "table.xlsx",
+        ],
+        4,
+    ),
 )
 @pytest.mark.slow
 def test_name___that_is_none_of_a_record___is_refused_and_nothing_is_written(
