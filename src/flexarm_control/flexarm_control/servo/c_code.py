@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.servo.controller import ARRAYS, PLAN_ROWS, STANDS
+from flexarm_control.servo.controller import ARRAYS, PLAN_ROWS
 from flexarm_core.outputs import MARK
 from flexarm_ident.models.c_header import c_string, number_lines
 
@@ -22,7 +22,6 @@ typedef struct {
     double short_window[SERVO_SHORT][SERVO_TRACKED];
     int place[2];
     int begun;
-    double turns[SERVO_INPUTS];
 } servo_controller;
 
 /* Forgets the past: the next step takes the plant for at rest where it then is. */
@@ -30,7 +29,6 @@ static inline void servo_reset(servo_controller *s)
 {
     int i;
     s->place[0] = s->place[1] = s->begun = 0;
-    for (i = 0; i < SERVO_INPUTS; i++) s->turns[i] = 0.0;
 }
 
 static inline double servo_within(double value, double bound)
@@ -107,15 +105,10 @@ static inline void servo_step(servo_controller *s, const double *y, const double
         for (j = 0; j < SERVO_STATES; j++)
             total -= servo_feedback[i * SERVO_STATES + j] * (now[j] - s->state[1][j]);
         if (servo_levels[i] > 0.0) {
-            double moving = 0.0, heading = 0.0;
-            for (j = 0; j < SERVO_STATES; j++)
-                moving += servo_speed[i * SERVO_STATES + j] * s->state[1][j];
+            double heading = 0.0;
             for (j = 0; j < SERVO_TRACKED; j++)
                 heading += servo_headings[i * SERVO_TRACKED + j] * s->plan[6][j];
-            if (heading > SERVO_STANDS * servo_widths[i]) s->turns[i] = 1.0;
-            if (heading < -SERVO_STANDS * servo_widths[i]) s->turns[i] = -1.0;
-            if (moving * s->turns[i] > 0.0)
-                friction = servo_levels[i] * servo_within(moving / servo_widths[i], 1.0);
+            friction = servo_levels[i] * servo_within(heading / servo_widths[i], 1.0);
         }
         u[i] = servo_within(total + friction, servo_limits[i]);
         net[i] = u[i] - friction;
@@ -171,7 +164,6 @@ def c_controller(gains: ServoGains) -> str:
         "",
         *(f"#define SERVO_{name} {size}" for name, size in sizes.items()),
         f"#define SERVO_RATE_HZ {gains.rate_hz!r}",
-        f"#define SERVO_STANDS {STANDS!r}",
         "",
     ]
     for name in ("inputs", "outputs", "tracked"):

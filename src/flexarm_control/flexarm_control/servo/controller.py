@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray
 
-# Part of the width below which a plan stands.
-STANDS = 1e-6
 PLAN_ROWS = 8
 """Slope, mean over one window, over both, that one twice late, and differences."""
 
@@ -54,10 +52,8 @@ class ServoGains:
         Samples of the two averages of the plan.
     levels : ndarray, (inputs,)
         Friction that is compensated while the plan moves; 0 for none.
-    speed : ndarray, (inputs, states)
-        Planned speed against each friction, from the planned state.
     headings : ndarray, (inputs, tracked)
-        The same from the differences of planned set-points.
+        Planned speed against each friction, from the differences of planned set-points.
     widths : ndarray, (inputs,)
         Planned speeds from which friction is compensated in full.
     """
@@ -81,7 +77,6 @@ class ServoGains:
     slopes: FloatArray
     windows: NDArray[np.int64]
     levels: FloatArray
-    speed: FloatArray
     headings: FloatArray
     widths: FloatArray
 
@@ -101,7 +96,6 @@ class Law(NamedTuple):
     slopes: FloatArray
     limits: FloatArray
     levels: FloatArray
-    speed: FloatArray
     headings: FloatArray
     widths: FloatArray
     places: NDArray[np.int64]
@@ -124,8 +118,6 @@ class Memory(NamedTuple):
         Both windows.
     progress : ndarray of int, (3,)
         Places in both windows, and whether the loop has begun.
-    turns : ndarray, (inputs,)
-        Directions in which the plan last moved.
     """
 
     state: FloatArray
@@ -133,7 +125,6 @@ class Memory(NamedTuple):
     long: FloatArray
     short: FloatArray
     progress: NDArray[np.int64]
-    turns: FloatArray
 
 
 class Servo:
@@ -175,7 +166,6 @@ class Servo:
         memory = new_memory(Law(**arrays, places=places), gains.windows)
         # One array is handed over to compiled code in a tenth of the time of twenty.
         parts = [*arrays.values(), memory.state, memory.plan, memory.long, memory.short]
-        parts.append(memory.turns)
         self._packed = np.concatenate([np.ravel(part) for part in parts])
         counts = (len(gains.A), len(self.inputs), len(self.outputs), len(self.tracked))
         self._sizes = np.array([*counts, *map(int, gains.windows)])
@@ -189,7 +179,6 @@ class Servo:
     def reset(self) -> None:
         """Forget the past: the next step takes the plant for at rest where it then is."""
         self._memory.progress[:] = 0
-        self._memory.turns[:] = 0.0
 
     def step(self, y: ArrayLike, r: ArrayLike) -> list[float]:
         """Return the commands of one sample.
@@ -252,16 +241,14 @@ class Servo:
 
 def new_memory(law: Law, windows: NDArray[np.int64]) -> Memory:
     """Return the memory of a servo before its first sample."""
-    states, inputs = law.B.shape
     tracked = len(law.places)
     long, short = (np.zeros((int(window), tracked)) for window in windows)
     return Memory(
-        np.zeros((2, states)),
+        np.zeros((2, len(law.B))),
         np.zeros((PLAN_ROWS, tracked)),
         long,
         short,
         np.zeros(3, dtype=np.int64),
-        np.zeros(inputs),
     )
 
 
@@ -333,17 +320,15 @@ def _unpacked(
     slopes, end = _part(packed, end, (tracked,))
     limits, end = _part(packed, end, (inputs,))
     levels, end = _part(packed, end, (inputs,))
-    speed, end = _part(packed, end, (inputs, n))
     headings, end = _part(packed, end, (inputs, tracked))
     widths, end = _part(packed, end, (inputs,))
     gains = (A, B, C, feedback, correction, deviation, planning, forward, rest, slopes, limits)
-    law = Law(*gains, levels, speed, headings, widths, places)
+    law = Law(*gains, levels, headings, widths, places)
     state, end = _part(packed, end, (2, n))
     plan, end = _part(packed, end, (PLAN_ROWS, tracked))
     long_window, end = _part(packed, end, (long, tracked))
-    short_window, end = _part(packed, end, (short, tracked))
-    turns, _ = _part(packed, end, (inputs,))
-    memory = Memory(state, plan, long_window, short_window, progress, turns)
+    short_window, _ = _part(packed, end, (short, tracked))
+    memory = Memory(state, plan, long_window, short_window, progress)
     return law, memory
 
 
@@ -391,17 +376,10 @@ def _friction(law: Law, memory: Memory, i: int) -> float:
     """Return the friction of an input that the planned motion meets."""
     if law.levels[i] <= 0.0:
         return 0.0
-    moving, heading = 0.0, 0.0
-    for j in range(memory.state.shape[1]):
-        moving += law.speed[i, j] * memory.state[1, j]
+    heading = 0.0
     for j in range(memory.plan.shape[1]):
         heading += law.headings[i, j] * memory.plan[6, j]
-    if abs(heading) > STANDS * law.widths[i]:
-        memory.turns[i] = 1.0 if heading > 0.0 else -1.0
-    # What swings back behind the plan is not motion.
-    if moving * memory.turns[i] <= 0.0:
-        return 0.0
-    return float(law.levels[i] * min(max(moving / law.widths[i], -1.0), 1.0))
+    return float(law.levels[i] * min(max(heading / law.widths[i], -1.0), 1.0))
 
 
 @compiled

@@ -37,7 +37,6 @@ _ARRAYS = {
     "slopes": ("tracked",),
     "windows": ("means",),
     "levels": ("inputs",),
-    "speed": ("inputs", "states"),
     "headings": ("inputs", "tracked"),
     "widths": ("inputs",),
 }

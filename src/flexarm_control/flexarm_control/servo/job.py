@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flexarm_control.servo.controller import Servo, ServoGains
-from flexarm_control.servo.regulator import LAWS, loop_plant, ramp_state, tracked_outputs
+from flexarm_control.servo.regulator import LAWS, loop_plant, tracked_outputs
 from flexarm_control.servo.rigid_motion import rigid_motion
 from flexarm_control.servo.robustness import (
     FEWEST_PERIODS,
@@ -20,11 +20,12 @@ from flexarm_control.servo.robustness import (
     choose_bandwidth,
     slowest_vibration_hz,
 )
-from flexarm_control.servo.set_point import plan_for
+from flexarm_control.servo.set_point import Plan, plan_for, planned, with_differences
 from flexarm_control.servo.twin import TWINS, Twin, perturbed, step_results, step_run
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
 from flexarm_ident.fitting.validation import frequency_response
+from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.state_space import state_space
 from flexarm_ident.provenance import signal_fields
 
@@ -329,15 +330,14 @@ def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray
     regulator = choice.regulator
     plant = regulator.plant
     order, states = plant.nstates, len(regulator.A)
-    levels = np.zeros(plant.ninputs)
-    speed = np.zeros((plant.ninputs, states))
+    levels, speed = np.zeros(plant.ninputs), np.zeros((plant.ninputs, order))
     if source.friction is not None:
         levels = np.minimum(source.friction.levels, limits)
         speed[:, : source.model.nstates] = source.friction.speed
     # A joint at rest has no speed, and an identified map takes a part of the position for it.
-    speed[:, :order] -= speed[:, :order] @ regulator.rest @ plant.C[list(regulator.tracked)]
-    headings = speed[:, :order] @ ramp_state(regulator)
+    speed -= speed @ regulator.rest @ plant.C[list(regulator.tracked)]
     plan = plan_for(regulator, limits, levels)
+    headings = _headings(regulator, speed, plan.windows)
     moves = np.abs(headings) @ np.abs(steps) / plan.windows[0]
     rest = np.zeros((states, len(regulator.tracked)))
     rest[:order] = regulator.rest
@@ -361,10 +361,26 @@ def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray
         slopes=plan.slopes,
         windows=np.array(plan.windows, dtype=np.int64),
         levels=levels,
-        speed=speed,
         headings=headings,
-        widths=_widths(regulator, speed[:, :order], levels, moves),
+        widths=_widths(regulator, speed, levels, moves),
     )
+
+
+def _headings(regulator: Regulator, speed: FloatArray, windows: tuple[int, int]) -> FloatArray:
+    """Return the speeds against friction for a planned change of 1 a sample, (inputs, tracked).
+
+    They are those that fit planned steps best.
+    """
+    following, count = regulator.following, len(regulator.tracked)
+    speeds = state_space(following.A, following.B, speed, 0.0, float(following.dt))
+    at_once = Plan(np.full(count, np.inf), windows)
+    headings = np.empty((len(speed), count))
+    for j, one in enumerate(np.eye(count)):
+        moves = planned(at_once, np.tile(one, (sum(windows), 1)), np.zeros(count))
+        given = with_differences(moves)
+        change = given[:, count + j]
+        headings[:, j] = change @ simulate(speeds, given) / (change @ change)
+    return headings
 
 
 def _widths(

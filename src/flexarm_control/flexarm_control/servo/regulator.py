@@ -154,13 +154,6 @@ class Regulator:
         return np.asarray(at_rest)
 
 
-def ramp_state(found: Regulator) -> FloatArray:
-    """Return what a planned set-point of unit difference adds to the state at rest."""
-    A = found.following.A
-    pushed = found.plant.B @ found.forward[1] - found.rest
-    return np.asarray(np.linalg.solve(np.eye(len(A)) - A, pushed))
-
-
 def tracked_outputs(model: control.StateSpace, names: Sequence[str]) -> tuple[int, ...]:
     """Return the places of the outputs to be tracked.
 

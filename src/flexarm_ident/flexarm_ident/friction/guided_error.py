@@ -85,6 +85,11 @@ class GuidedError(ModalParameters):
                 self._pair[list(group)] = group[::-1]
         self._least = _LEAST * levels
         self._size = self.n * (2 + self.r + self.m)
+        # A joint at rest has a position and no speed.
+        first = self._size + 4 * self.r
+        self._standing = [
+            first + given * self.n + place for given in range(self.r) for place, _ in self._rigid
+        ]
         self._drives = drives
 
     def start(self, x0: FloatArray, levels: FloatArray) -> FloatArray:
@@ -100,6 +105,7 @@ class GuidedError(ModalParameters):
         for drive in self._drives:
             given, output = drive_columns(self.record, drive)
             speed[given] = C[output] if drive.is_speed else C[output] @ rates
+        speed[:, [place for place, _ in self._rigid]] = 0.0
         ones = np.ones(self.r)
         law = [levels, _REST * ones, _GIVE * ones, 0.0 * ones]
         return np.concatenate([theta, *law, speed.ravel()])
@@ -267,7 +273,8 @@ class GuidedError(ModalParameters):
                 rows = (self.weight[:, np.newaxis] * found[first:]).reshape(-1, count + 1)
                 total += rows.T @ rows
                 first = 0
-        total[self._integrators] = total[:, self._integrators] = 0.0
+        held = self._integrators + self._standing
+        total[held] = total[:, held] = 0.0
         # The derivatives are those of the prediction, and so less those of the errors.
         return Normal(float(total[-1, -1]), -total[:-1, -1], total[:-1, :-1])
 
