@@ -333,7 +333,9 @@ def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray
     levels, speed = np.zeros(plant.ninputs), np.zeros((plant.ninputs, order))
     if source.friction is not None:
         levels = np.minimum(source.friction.levels, limits)
-        speed[:, : source.model.nstates] = source.friction.speed
+        # Friction is the same whichever direction counts as forwards: here it is the force's.
+        forwards = np.sign(np.diag(source.friction.speed @ source.model.B))
+        speed[:, : source.model.nstates] = source.friction.speed * forwards[:, np.newaxis]
     # A joint at rest has no speed, and an identified map takes a part of the position for it.
     speed -= speed @ regulator.rest @ plant.C[list(regulator.tracked)]
     plan = plan_for(regulator, limits, levels)

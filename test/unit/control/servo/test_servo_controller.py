@@ -101,11 +101,14 @@ def test_step___measured_arm_whose_joints_pull_at_each_other___goes_and_stays() 
     assert max(overshoots) < 0.05
 
 
-def test_friction___speeds_that_take_a_part_of_the_position___are_those_of_the_joints() -> None:
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_friction___speeds_that_take_a_part_of_the_position___are_those_of_the_joints(
+    sign: float,
+) -> None:
     request = ServoRequest(("hub1", "hub2"), {"torque1": 1.0, "torque2": 1.0}, bandwidth_hz=1.0)
     unknown = np.zeros(2)
     speed = np.array([[0.06, 0.02, 1.0, 0.0], [-0.03, 0.05, 0.0, 1.0]])
-    friction = DryFriction(np.array([0.05, 0.02]), unknown, unknown, unknown, speed)
+    friction = DryFriction(np.array([0.05, 0.02]), unknown, unknown, unknown, sign * speed)
 
     gains = design_servo([Source("joints", two_joints(), friction)], request).gains
 
