@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
@@ -16,39 +16,17 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from flexarm_core.workers import Workers
-    from flexarm_ident.job import Chosen
-    from flexarm_ident.records.span import Span
     from flexarm_ident.series.rows import Row
     from flexarm_ident.workflow.request import Request
 
 
-def model_each(
-    bags: Sequence[Path],
-    out: Path,
-    request: Request,
-    *,
-    channels: Chosen,
-    span: Span,
-    exports: Sequence[str],
-    force: bool,
-    parquet: bool,
-    workers: Workers,
-) -> None:
-    """Identify one model per bag and print them by name; exit code 1 when a bag has none."""
+def model_each(bags: Sequence[Path], out: Path, request: Request, **how: Any) -> None:  # noqa: ANN401
+    """Identify one model per bag and print them by name; exit code 1 when a bag has none.
+
+    Bags, folder, request and the rest are those of `identify_each`.
+    """
     with terminal.progress() as show:
-        series = identify_each(
-            bags,
-            out,
-            request,
-            channels=channels,
-            span=span,
-            exports=exports,
-            force=force,
-            parquet=parquet,
-            workers=workers,
-            progress=show,
-        )
+        series = identify_each(bags, out, request, **how, progress=show)
     terminal.show_table(_table(series.rows))
     for row in series.rows:
         if row.failure:
