@@ -21,7 +21,7 @@ from scipy.sparse import csc_matrix
 
 from bench.tools import make_table
 from flexarm_control import PdpGains, build_law, margins, nominal_model, step_figures
-from flexarm_control.design.regulator_margins import law_loop
+from flexarm_control.design.regulator_tuning import law_loop
 from flexarm_control.laws.gains import PdGains
 from flexarm_control.laws.law_protocol import Effort
 from flexarm_control.servo.controller import Servo

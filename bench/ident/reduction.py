@@ -33,8 +33,7 @@ from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, NO_HUM_V
 from flexarm_ident import reduce_model, validate_dmv
 from flexarm_ident.models.modes import rank_table
 from flexarm_ident.records.preprocess import output_scale
-from flexarm_ident.reduction.balanced import balanced_truncation
-from flexarm_ident.reduction.realisation import thesis_realisation
+from flexarm_ident.reduction.balanced import balanced_truncation, thesis_realisation
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 from reproduction.framework.realisations import realisation_difference

@@ -34,7 +34,7 @@ from flexarm_bringup.graph.client import SERVICE_S
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import NAMESPACE, LaunchError
 from flexarm_bringup.graph.socket_client import NoAnswerError, socket_client
-from flexarm_core.patience import Patience
+from flexarm_core.clock import Patience
 from flexarm_ident.reading.read import read_bag_report
 
 if TYPE_CHECKING:

@@ -42,7 +42,7 @@ _PAGE = ("access", "requests")
 SUBJECTS = {
     "limiter": ("flexarm_daq.loop.limiter.*",),
     "commander": ("flexarm_daq.loop.commander.*",),
-    "watchdog": ("flexarm_daq.loop.watchdog.*",),
+    "watchdog": ("flexarm_daq.loop.safety.*",),
     "states of the drive": ("flexarm_daq.loop.safety.*",),
     "sequence numbers": ("flexarm_bags.sequence.*",),
     "checksums": (

@@ -12,8 +12,7 @@ from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident import IdentificationError, reduce_model
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import output_scale
-from flexarm_ident.reduction.balanced import balanced_truncation
-from flexarm_ident.reduction.realisation import thesis_realisation
+from flexarm_ident.reduction.balanced import balanced_truncation, thesis_realisation
 from reproduction.chapter2.order_survey import (
     fitted_half,
     followed,

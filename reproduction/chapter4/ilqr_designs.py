@@ -16,7 +16,7 @@ import numpy as np
 from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, IlqrWeights, design_ilqr
 from flexarm_control.models.nominal_models import identified_model
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from flexarm_ident.reduction.realisation import thesis_realisation
+from flexarm_ident.reduction.balanced import thesis_realisation
 from reproduction.chapter2.order_survey import fitted_half, thesis_record, updated_model
 from reproduction.framework.findings import (
     OFTEN,

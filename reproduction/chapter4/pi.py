@@ -19,7 +19,7 @@ from flexarm_control.design.criteria import step_figures
 from flexarm_control.design.tuning import tune_pi
 from flexarm_control.laws.gains import PiGains, Sampling
 from flexarm_control.laws.law_protocol import Effort
-from flexarm_control.laws.pi import Pi
+from flexarm_control.laws.pdpc import Pi
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz

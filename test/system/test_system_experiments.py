@@ -17,7 +17,7 @@ from flexarm_bags.check import check_bag
 from flexarm_bringup.cli import main
 from flexarm_core.channels import BOUND_V
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.models.model_parameters import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from support.recorded_samples import States, declarations

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.models.model_parameters import write_parameter_file
 from support.recorded_samples import States
 from support.system_graph import ROOT
 

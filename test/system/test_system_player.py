@@ -10,7 +10,7 @@ import pytest
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
-from flexarm_core.patience import slowness
+from flexarm_core.clock import slowness
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from support.bag_samples import PLAYED_STEP_NS, START_NS, arm_state, played_bag

@@ -12,7 +12,7 @@ from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Float64
 
 from flexarm_bags.check import check_bag
-from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.models.model_parameters import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from support.fault_campaign import MAX_AGE_PERIODS, RESTLESS

@@ -16,10 +16,10 @@ from rosbags.highlevel import AnyReader
 
 from flexarm_bags.bounds import bounded, require_bounded_file, require_bounded_messages
 from flexarm_bags.content import ContentCheck
-from flexarm_bags.encodings import foreign_topics, ros_messages
 from flexarm_bags.mcap_check import McapExamination, TopicMessages
 from flexarm_bags.metadata import in_order, parts_of, plain_name, read_information
 from flexarm_bags.records.chunks import Messages
+from flexarm_bags.schema import foreign_topics, ros_messages
 from flexarm_core.bounds import YamlError, shown, yaml_content
 from flexarm_core.errors import BagError, FlexarmError, one_line
 

@@ -26,7 +26,6 @@ from flexarm_bags.bounds import (
     require_honest_chunks,
     storages,
 )
-from flexarm_bags.encodings import ros_messages
 from flexarm_bags.metadata import parts_of, repair_advice
 from flexarm_bags.records.chunks import (
     IndexedFile,
@@ -36,7 +35,7 @@ from flexarm_bags.records.chunks import (
     topic_pieces,
 )
 from flexarm_bags.records.columns import CdrError, alike, decode, members
-from flexarm_bags.schema import DefinitionError
+from flexarm_bags.schema import DefinitionError, ros_messages
 from flexarm_core.bounds import BoundError
 from flexarm_core.errors import BagError, DataError, one_line
 

@@ -1,4 +1,4 @@
-"""Message definitions without a ROS installation: text, type hash and CDR of a message type.
+"""Message definitions without a ROS installation: text, type hash, encoding and CDR of a type.
 
 The common interfaces come with *rosbags*; the project's own types are read from their ``.msg``
 files, in the source tree or in the installed share folder.
@@ -8,17 +8,24 @@ from __future__ import annotations
 
 import os
 import sysconfig
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
+from mcap.reader import make_reader
+from mcap.records import Channel
+from mcap.writer import Writer
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from flexarm_core.errors import FlexarmError
+from flexarm_bags.records.layout import summary_of
+from flexarm_core.bounds import BoundError, too_much, unpacked_bytes_allowed
+from flexarm_core.errors import BagError, FlexarmError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from rosbags.interfaces.typing import FieldDesc, Typesdict
     from rosbags.typesys.store import Typestore
@@ -26,6 +33,7 @@ if TYPE_CHECKING:
 _OWN = "flexarm_msgs"
 # Between the types of a complete text.
 _RULE = "=" * 80
+_CDR = "cdr"
 
 
 class DefinitionError(FlexarmError):
@@ -181,3 +189,84 @@ def _named(description: FieldDesc) -> str:
     if description[0] in {Nodetype.ARRAY, Nodetype.SEQUENCE}:
         return _named(description[1][0])
     return ""
+
+
+def foreign_topics(path: Path) -> dict[str, str]:
+    """Return topic and encoding of the messages of an MCAP file that are not those of ROS 2.
+
+    It is empty for another file, and for one without a summary.
+    """
+    if path.suffix != ".mcap" or path.is_dir():
+        return {}
+    with path.open("rb") as stream:
+        try:
+            summary = summary_of(stream)
+        except Exception:  # noqa: BLE001 - who reads it says what is wrong with its bytes
+            summary = []
+    channels = [record for record in summary if isinstance(record, Channel)]
+    return {
+        each.topic: each.message_encoding or "nothing"
+        for each in channels
+        if each.message_encoding != _CDR
+    }
+
+
+@contextmanager
+def ros_messages(path: Path) -> Iterator[Path]:
+    """Yield a file as it is, or where it has other messages too a copy with those of ROS 2.
+
+    Raises
+    ------
+    BagError
+        If it has no messages of ROS 2.
+    BoundError
+        If they take more than is allowed.
+    """
+    foreign = foreign_topics(path)
+    if not foreign:
+        yield path
+        return
+    with TemporaryDirectory(prefix="flexarm_bag_") as folder:
+        copy = Path(folder, path.name)
+        if not _copied(path, copy, foreign):
+            listed = ", ".join(f"{topic} ({encoding})" for topic, encoding in foreign.items())
+            raise BagError(
+                f"has no messages of ROS 2, but {listed}: record the topics with `ros2 bag "
+                "record`, or export the numbers as CSV and identify that file"
+            )
+        yield copy
+
+
+def _copied(path: Path, copy: Path, foreign: dict[str, str]) -> int:
+    """Copy the messages of all other topics; return their number."""
+    allowed = left = unpacked_bytes_allowed(path.stat().st_size)
+    schemas: dict[int, int] = {}
+    channels: dict[int, int] = {}
+    count = 0
+    with path.open("rb") as source, copy.open("wb") as target:
+        writer = Writer(target)
+        writer.start("ros2", "flexarm")
+        for schema, channel, message in make_reader(source).iter_messages(log_time_order=False):
+            if channel.topic in foreign or schema is None:
+                continue
+            if schema.id not in schemas:
+                schemas[schema.id] = writer.register_schema(
+                    schema.name, schema.encoding, schema.data
+                )
+            if channel.id not in channels:
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schemas[schema.id], channel.metadata
+                )
+            left -= len(message.data)
+            if left < 0:
+                raise BoundError(too_much(allowed))
+            writer.add_message(
+                channels[channel.id],
+                message.log_time,
+                message.data,
+                message.publish_time,
+                message.sequence,
+            )
+            count += 1
+        writer.finish()  # type: ignore[no-untyped-call]
+    return count

@@ -12,9 +12,8 @@ if TYPE_CHECKING:
     from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
     from flexarm_control.laws.law_protocol import Effort, Law, Memoryless, limited
     from flexarm_control.laws.lqg import LqgWeights, design_lqg
-    from flexarm_control.laws.pdpc import Pd, Pdp, Pdpc
+    from flexarm_control.laws.pdpc import Pd, Pdp, Pdpc, Pi
     from flexarm_control.laws.pdpc_plus import PdpcPlus
-    from flexarm_control.laws.pi import Pi
     from flexarm_control.laws.registry import LAWS, LawSpec, build_law
     from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
     from flexarm_control.references import REFERENCES, Reference, build_reference

@@ -30,9 +30,12 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData, from_columns, to_columns
     from flexarm_ident.records.preprocess import preprocess
     from flexarm_ident.records.span import Span
-    from flexarm_ident.reduction.balanced import BalancedTruncation, balanced_truncation
+    from flexarm_ident.reduction.balanced import (
+        BalancedTruncation,
+        balanced_truncation,
+        thesis_realisation,
+    )
     from flexarm_ident.reduction.modal import Reduction, reduce_model
-    from flexarm_ident.reduction.realisation import thesis_realisation
 else:
     __getattr__, __dir__ = late(__name__, __file__)
 

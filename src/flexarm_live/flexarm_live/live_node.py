@@ -24,7 +24,7 @@ from flexarm_core.own_files import user_path
 from flexarm_core.rig_description import load_rig
 from flexarm_core.tables import read_table
 from flexarm_live.graph.bridge import Bridge
-from flexarm_live.graph.calls import CallError
+from flexarm_live.graph.node_parameters import CallError
 from flexarm_live.page_files import page_files
 from flexarm_live.serving.access import LOOPBACK
 from flexarm_live.serving.encoding import frame_of

@@ -11,8 +11,8 @@ import socket
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from flexarm_core.clock import slowness
 from flexarm_core.own_files import private_folder
-from flexarm_core.patience import slowness
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,9 +15,9 @@ from flexarm_core.rig_description import load_rig
 from flexarm_core.tables import read_table
 from flexarm_node import collector
 from flexarm_node.codecs import codec_of
-from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.reports import Level, Report, Reporter, entries
+from flexarm_node.stamps import NodeTime
 from flexarm_node.topics.waiting import has_every_reader, wait_until
 from flexarm_node.transport import complaint_about_transport
 

@@ -21,9 +21,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
+from flexarm_core.clock import slowness
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.own_files import private_folder
-from flexarm_core.patience import slowness
 from flexarm_node.parameter_files import own_words, refuse_words, wrong_words
 from flexarm_node.transport import set_up_middleware
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_core import patience
-from flexarm_core.patience import Patience, slowness
+from flexarm_core import clock
+from flexarm_core.clock import Patience, slowness
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the file in which the machine tells its load, of two cores."""
     file = tmp_path / "loadavg"
-    monkeypatch.setattr(patience, "_LOAD", file)
+    monkeypatch.setattr(clock, "_LOAD", file)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
     return file
 

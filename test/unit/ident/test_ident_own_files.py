@@ -8,8 +8,7 @@ import pytest
 
 from flexarm_core.outputs import is_replaceable
 from flexarm_ident.models.files import FORMATS, save_model
-from flexarm_ident.models.model_parameters import model_parameters
-from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.models.model_parameters import model_parameters, write_parameter_file
 from flexarm_ident.report.page import append_section, render_page
 from support.ident_systems import random_model
 

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from flexarm_node.node_time import beside_steady_clock
+from flexarm_node.stamps import beside_steady_clock
 
 
 def test_beside_steady_clock___reading_that_is_interrupted___does_not_count() -> None:

@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_core.patience import Patience
+from flexarm_core.clock import Patience
 from flexarm_msgs.srv import Identify, Tune
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 from flexarm_bringup.graph.assignments import assigned
 from flexarm_bringup.graph.figures import SetPoint
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_core.clock import slowness
 from flexarm_core.errors import one_line
 from flexarm_core.own_files import OwnFileError
-from flexarm_core.patience import slowness
 from flexarm_live.terminal_socket import connect, namespaces
 from flexarm_node.parameter_files import LOOP
 

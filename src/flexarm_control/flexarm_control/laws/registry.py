@@ -35,10 +35,9 @@ from flexarm_control.laws.lqg import (
     packaged_designs,
 )
 from flexarm_control.laws.payload import PayloadDetection, PayloadEstimate, PayloadSensing
-from flexarm_control.laws.pdpc import Pd, Pdp, Pdpc
+from flexarm_control.laws.pdpc import Pd, Pdp, Pdpc, Pi
 from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest, RestThresholds
 from flexarm_control.laws.pdpc_scheduled import ScheduledPdpc, ScheduleGains
-from flexarm_control.laws.pi import Pi
 from flexarm_control.laws.planned import Planned
 from flexarm_control.laws.regulator_loop import stabilising_design
 from flexarm_control.laws.strain_limit import StrainLimit

@@ -10,8 +10,11 @@ import numpy as np
 from flexarm_control.servo.controller import Servo, ServoGains
 from flexarm_core.bounds import BoundError, read_text_bytes
 from flexarm_core.errors import SettingError, reason
-from flexarm_ident.models.model_parameters import ModelFileError
-from flexarm_ident.models.ros_yaml import parameters_in_text, write_parameter_file
+from flexarm_ident.models.model_parameters import (
+    ModelFileError,
+    parameters_in_text,
+    write_parameter_file,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -36,11 +36,11 @@ from flexarm_daq.nodes.recorded_topics import (
     recorded_topics,
 )
 from flexarm_daq.nodes.recording import LastMessages, Recording
-from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.qos import EVERY, RECORDED, SEEN, STATUS
 from flexarm_node.reports import Level, Report, Reporter, entries
+from flexarm_node.stamps import NodeTime
 from flexarm_node.topics.waiting import RawMessage, RawTopicsWaiter, node_names
 
 if TYPE_CHECKING:

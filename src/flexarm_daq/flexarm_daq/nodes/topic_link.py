@@ -16,8 +16,7 @@ from flexarm_daq.nodes.joint_view import joint_view
 from flexarm_daq.rigs.rig_protocol import bodies_of
 from flexarm_msgs.msg import ChannelInfo
 from flexarm_node import qos
-from flexarm_node.node_time import beside_steady_clock
-from flexarm_node.stamps import set_stamp
+from flexarm_node.stamps import beside_steady_clock, set_stamp
 from flexarm_node.topics.handover import CommandWaiter
 from flexarm_node.topics.waiting import TopicWaiter, await_acknowledged, node_names, wait_until
 

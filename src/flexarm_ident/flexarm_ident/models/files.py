@@ -17,8 +17,9 @@ from flexarm_ident.models.model_parameters import (
     model_parameters,
     models_in,
     nested_parameters,
+    parameter_text,
+    parameters_in_text,
 )
-from flexarm_ident.models.ros_yaml import parameter_text, parameters_in_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

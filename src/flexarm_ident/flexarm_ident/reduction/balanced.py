@@ -1,29 +1,42 @@
-"""Balanced truncation, the baseline of modal reduction.
+"""Baselines of modal reduction: balanced truncation, and the thesis's realisation (3-10).
 
-States are kept by their controllability and observability, not by mode. Only the stable part has
-Gramians and is balanced; the rest is kept whole.
+Balanced truncation keeps states by their controllability and observability, not by mode. Only the
+stable part has Gramians and is balanced; the rest is kept whole.
 Moore, "Principal component analysis in linear systems", IEEE Transactions on Automatic Control 26
 (1981); square-root form of Laub, Heath, Paige, Ward, same journal 32 (1987).
+
+The triplet (3-9) of the kept modes is complex. The thesis simulates its output, which is real, and
+identifies that with ORSE. `modal.truncate` gives a real block-diagonal form directly. Both are
+realisations of the same triplet, so they differ by rounding only.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
 from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form
 from flexarm_ident.models.state_space import with_matrices
+from flexarm_ident.records.iodata import as_records
+from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.reduction.modal import truncate
+from flexarm_ident.subspace import orse
+from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.inverse import factor
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import control
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
 
 _REACHABLE = 1e-12
 
@@ -103,3 +116,37 @@ def balanced_truncation(
         C=np.hstack([part.C @ expand, kept.C]),
     )
     return BalancedTruncation(reduced, values, len(unstable))
+
+
+def thesis_realisation(
+    model: control.StateSpace, data: IoData | Sequence[IoData], *, block_rows: int = 40
+) -> control.StateSpace:
+    """Identify a reduced model from its own simulated output with the thesis's ORSE (3-10).
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        The kept modes in any real form, such as `reduction.truncate` gives; without feedthrough.
+    data : IoData or sequence of IoData
+        Records whose input drives the simulation, from rest.
+    block_rows : int
+        Block rows of the Hankel matrices, more than the model has states.
+
+    Returns
+    -------
+    control.StateSpace
+        Model of the same order and names.
+
+    Raises
+    ------
+    DataError
+        If a record is too short for the block rows.
+    """
+    simulated = [
+        replace(record, y=simulate(model, record.u), compensation=None, reference=None)
+        for record in as_records(data)
+    ]
+    space = orse.plain(block_gram(simulated, block_rows), output_scale(simulated))
+    matrices = space.matrices(model.nstates)
+    fit = fit_inputs(matrices.A, matrices.C, simulated)
+    return with_matrices(model, A=matrices.A, B=fit.B, C=matrices.C, D=fit.D)

@@ -13,14 +13,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from flexarm_control.loop_setup import TOPIC
 from flexarm_core.channels import is_thesis_arm
+from flexarm_core.clock import slowness
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
-from flexarm_core.patience import slowness
 from flexarm_live.graph.about import about_arm
-from flexarm_live.graph.calls import Calls, SilentNodeError
 from flexarm_live.graph.chain import Chain, Jobs, record_line
 from flexarm_live.graph.loop_nodes import LoopNodes
-from flexarm_live.graph.node_parameters import NodeParameters
+from flexarm_live.graph.node_parameters import Calls, NodeParameters, SilentNodeError
 from flexarm_live.graph.samples import SampleReader, ShownBodies
 from flexarm_live.graph.situation import EXPERIMENT, Situation
 from flexarm_live.graph.store import Store, signals_of

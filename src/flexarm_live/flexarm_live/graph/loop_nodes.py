@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 
-from flexarm_live.graph.calls import CallError
-from flexarm_live.graph.node_parameters import NodeParameters
+from flexarm_live.graph.node_parameters import CallError, NodeParameters
 from flexarm_live.graph.situation import EXPERIMENT
 from flexarm_node.parameter_files import LOOP
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
-    from flexarm_live.graph.calls import Calls
+    from flexarm_live.graph.node_parameters import Calls
     from flexarm_live.graph.situation import Situation
     from flexarm_node.codecs import Codec
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexarm_control.design.margins import margins
-from flexarm_control.design.regulator_margins import RegulatorLoop, law_loop
+from flexarm_control.design.regulator_tuning import RegulatorLoop, law_loop
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.laws.ilqr import IlqrWeights, design_ilqr
 from flexarm_control.laws.registry import LAWS

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from flexarm_control.design.margins import Requirements
-from flexarm_control.design.regulator_margins import RegulatorLoop
-from flexarm_control.design.regulator_tuning import EFFORTS, tune_regulator
+from flexarm_control.design.regulator_tuning import EFFORTS, RegulatorLoop, tune_regulator
 from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, IlqrWeights, design_ilqr
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
 from flexarm_control.models.arm_model import delayed

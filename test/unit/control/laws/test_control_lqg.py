@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
 from flexarm_control import build_law, step_figures
-from flexarm_control.design.regulator_margins import RegulatorLoop
+from flexarm_control.design.regulator_tuning import RegulatorLoop
 from flexarm_control.laws import ilqr, lqg
 from flexarm_control.laws.ilqr import Ilqr
 from flexarm_control.laws.law_protocol import Effort, hearing

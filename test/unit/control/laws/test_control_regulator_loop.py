@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from flexarm_control.design.regulator_margins import RegulatorLoop
+from flexarm_control.design.regulator_tuning import RegulatorLoop
 from flexarm_control.laws.gains import OptionalCompensation
 from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, IlqrWeights, design_ilqr
 from flexarm_control.laws.lqg import LqgWeights, design_lqg

@@ -11,8 +11,7 @@ from flexarm_control.models.chosen_model import chosen_model
 from flexarm_control.models.nominal_models import nominal_model
 from flexarm_core.errors import SettingError
 from flexarm_ident.models.files import save_model
-from flexarm_ident.models.model_parameters import model_parameters
-from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.models.model_parameters import model_parameters, write_parameter_file
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -244,7 +244,7 @@ def test_package___with_ros_blocked___imports() -> None:
     script = (
         "import sys; sys.modules['rclpy'] = None\n"
         "import flexarm_daq.rigs.plant, flexarm_daq.rigs.rig_protocol\n"
-        "import flexarm_daq.loop.limiter, flexarm_daq.loop.watchdog\n"
+        "import flexarm_daq.loop.limiter, flexarm_daq.loop.safety\n"
         "assert not [name for name in sys.modules if name.endswith('_msgs')]\n"
         "assert flexarm_daq.SimulatedRig and flexarm_daq.RigParameters\n"
     )

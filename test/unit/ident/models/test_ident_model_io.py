@@ -18,8 +18,8 @@ from flexarm_ident.models.model_parameters import (
     model_hash,
     model_parameters,
     nested_parameters,
+    write_parameter_file,
 )
-from flexarm_ident.models.ros_yaml import write_parameter_file
 from support.hostile_texts import doubled, doubled_maps
 from support.ident_systems import DT_S, random_model
 

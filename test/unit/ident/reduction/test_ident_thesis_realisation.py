@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexarm_ident import IoData, identify, reduce_model
-from flexarm_ident.reduction.realisation import thesis_realisation
+from flexarm_ident.reduction.balanced import thesis_realisation
 from reproduction.framework.realisations import realisation_difference
 from support.ident_systems import (
     DT_S,

@@ -13,7 +13,7 @@ from lifecycle_msgs.msg import State
 from flexarm_core.errors import FlexarmError
 from flexarm_live.graph import bridge as bridge_module
 from flexarm_live.graph.bridge import Bridge
-from flexarm_live.graph.calls import CallError, SilentNodeError
+from flexarm_live.graph.node_parameters import CallError, SilentNodeError
 from flexarm_live.serving.laboratory import Answer
 from flexarm_live.serving.requests import parse
 from support.foreign_rigs import ONE_JOINT, TWO_JOINTS

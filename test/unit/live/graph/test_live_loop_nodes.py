@@ -11,8 +11,8 @@ import pytest
 from lifecycle_msgs.msg import State
 
 from flexarm_core.rig_description import load_rig
-from flexarm_live.graph.calls import CallError
 from flexarm_live.graph.loop_nodes import LoopNodes
+from flexarm_live.graph.node_parameters import CallError
 from flexarm_live.graph.situation import Situation
 from flexarm_node.codecs import codec_of
 

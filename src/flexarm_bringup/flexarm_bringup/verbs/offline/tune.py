@@ -16,7 +16,7 @@ from flexarm_control.design.model_sources import friction_levels_v, load_models
 from flexarm_control.design.tuning_job import TUNINGS, TuneRequest
 from flexarm_control.design.tuning_job import tune as tune_gains
 from flexarm_core.outputs import require_place
-from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.models.model_parameters import write_parameter_file
 
 if TYPE_CHECKING:
     from flexarm_control.design.tuning_job import TuneResult

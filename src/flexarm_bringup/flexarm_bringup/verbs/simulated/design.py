@@ -25,15 +25,14 @@ from flexarm_bringup.verbs.simulated.simulated_run import (
 )
 from flexarm_control.design.loop_plot import loop_plot
 from flexarm_control.design.margins import Requirements
-from flexarm_control.design.regulator_margins import law_loop
+from flexarm_control.design.regulator_tuning import law_loop
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.rigid_and_bending import bending_modes
 from flexarm_core.outputs import require_place, write_facts
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
-from flexarm_ident.models.model_parameters import models_in
-from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.models.model_parameters import models_in, write_parameter_file
 from flexarm_ident.report.content.blocks import Plots, Words
 from flexarm_ident.report.page import append_section
 from flexarm_ident.workflow.request import Request
