@@ -27,8 +27,8 @@ from bench.tools import (
 )
 from flexarm_bringup.console import terminal
 from flexarm_ident import IoData, identify
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form
+from flexarm_ident.models.state_space import simulate
 from flexarm_ident.subspace.methods import AUTO, METHODS
 
 if TYPE_CHECKING:

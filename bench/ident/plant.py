@@ -9,7 +9,7 @@ import control
 import numpy as np
 from scipy import linalg, signal
 
-from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import simulate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

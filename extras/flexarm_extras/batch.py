@@ -15,7 +15,7 @@ import numpy as np
 from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
 from flexarm_core.compilation import compiled
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs import integrator, substep
+from flexarm_daq.rigs import integrator
 from flexarm_daq.rigs.beam import arm_modes
 from flexarm_daq.rigs.equations import COLUMNS, RECORD
 from flexarm_daq.rigs.plant import equations_of
@@ -24,8 +24,8 @@ from flexarm_daq.rigs.simulated import HUM_STREAM
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from flexarm_daq.rigs.integrator import Block, Lanes
     from flexarm_daq.rigs.rig_parameters import RigParameters
-    from flexarm_daq.rigs.substep import Block, Lanes
 
 _KINDS = [(name, np.float64, (4, COLUMNS)) for name in ("half", "whole")]
 _WAY = np.dtype((np.record, [("steps", np.int64), ("step_s", np.float64), *_KINDS]))
@@ -224,14 +224,16 @@ def _advance_all(  # noqa: PLR0917 - compiled code takes no keywords only
     outputs_v : ndarray, (rigs, 4)
         Takes their noise-free voltages at the end of the period, V.
     """
-    one, many = np.empty(substep.ROWS), np.empty(substep.ROWS * len(_MANY))
+    one, many = np.empty(integrator.ROWS), np.empty(integrator.ROWS * len(_MANY))
     done = 0
     while done < len(moving):
         rigs = _alike(moving[done : done + len(_MANY)], ways)
         done += len(rigs)
         if len(rigs) < _WORTH:
             for i in range(len(rigs)):
-                _advance_block(one, states, records, command_v, ways, rigs[i : i + 1], substep.ONE)
+                _advance_block(
+                    one, states, records, command_v, ways, rigs[i : i + 1], integrator.ONE
+                )
         else:
             _advance_block(many, states, records, command_v, ways, rigs, _MANY)
         for rig in rigs:
@@ -263,7 +265,7 @@ def _advance_block(  # noqa: PLR0917 - compiled code takes no keywords only
             integrator.take_way(
                 block, lane, records[rig], command_v[rig, part], ways[rig, part], lanes
             )
-        substep.move(block, steps, lanes)
+        integrator.move(block, steps, lanes)
     for lane in range(len(rigs)):
         integrator.give_state(block, lane, states[rigs[lane]], lanes)
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.fitting.validation import frequency_response, relative_errors
-from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.state_space import with_matrices
+from flexarm_ident.models.state_space import simulate, with_matrices
 from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:

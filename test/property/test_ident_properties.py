@@ -7,9 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexarm_ident import IoData, identify, reduce_model, validate_dmv
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form, ranked_modes
-from flexarm_ident.models.state_space import stabilise
+from flexarm_ident.models.state_space import simulate, stabilise
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.orse import innovation_scaled
 from support.exhaustive import wide

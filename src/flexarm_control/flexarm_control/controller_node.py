@@ -14,7 +14,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_control.loop_setup import MODEL_CHOICES, PARAMETERS, TOPIC
-from flexarm_control.models.chosen_model import PREFIX, ModelChoices
+from flexarm_control.models.nominal_models import PREFIX, ModelChoices
 from flexarm_control.rig_setup import RigSetup, first_references
 from flexarm_control.sample_rate import SampleRate
 from flexarm_core.channels import TRAVEL_DEG, is_thesis_arm

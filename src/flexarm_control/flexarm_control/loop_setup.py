@@ -13,7 +13,7 @@ from flexarm_control.joint_laws import compensation_v, require_known_outputs
 from flexarm_control.laws.registry import LAWS, LawSpec, build_law
 from flexarm_control.learning.columns import read_trajectory
 from flexarm_control.learning.trajectory import FollowingLaw
-from flexarm_control.models.chosen_model import PREFIX, chosen_model
+from flexarm_control.models.nominal_models import PREFIX, chosen_model
 from flexarm_control.planning.move import MoveSettings
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.sample_rate import suits

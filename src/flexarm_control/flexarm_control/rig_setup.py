@@ -16,8 +16,7 @@ from flexarm_control.sample_rate import suits
 from flexarm_control.servo.loop import ServoLoop, require_signals
 from flexarm_core.bounds import read_text_bytes
 from flexarm_core.channels import is_thesis_arm
-from flexarm_core.errors import SettingError, reason
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest, reason
 from flexarm_core.rig_description import described, load_rig
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from flexarm_core.errors import FlexarmError, SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import FlexarmError, SettingError, nearest
 from flexarm_core.signals import RigSample, steps_to
 from flexarm_ident.friction.dry_friction import load_friction
 from flexarm_ident.models.files import load_model, load_parameters

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from flexarm_core.bounds import read_text_bytes
-from flexarm_core.errors import SettingError, one_line
+from flexarm_core.errors import SettingError, nearest, one_line
 from flexarm_core.labels import PER_SI, RAW_UNITS, SI_UNITS
-from flexarm_core.nearest import nearest
 from flexarm_core.yaml_sections import Section, sections_of
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import yaml
 
 from flexarm_core.bounds import YamlError, shown, yaml_content, yaml_node
-from flexarm_core.errors import FlexarmError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import FlexarmError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping

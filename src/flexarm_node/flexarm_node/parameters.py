@@ -16,8 +16,7 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.parameter import Parameter
 
-from flexarm_core.errors import FlexarmError, SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import FlexarmError, SettingError, nearest
 from flexarm_node.parameter_files import complaint, given_files
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Message stamps in whole nanoseconds, which a float cannot hold, and the time of a node for them."""
+"""Message stamps in whole nanoseconds, which a float cannot hold, and a node's time for them."""
 
 from __future__ import annotations
 

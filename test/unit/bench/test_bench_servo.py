@@ -11,7 +11,7 @@ import pytest
 from bench.control.drawn_arms import RATE_HZ, drawn_arm, record_arm
 from bench.control.peers import BookLqg, Mpc
 from flexarm_control import nominal_model
-from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import simulate
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from flexarm_core.nearest import nearest, nearest_node
+from flexarm_core.errors import nearest, nearest_node
 
 NODES = ["/flexarm/controller", "/flexarm/daq", "/arm2/daq", "/arm2/recorder"]
 

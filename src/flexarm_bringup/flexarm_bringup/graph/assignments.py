@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from flexarm_bringup.console.quantity import in_first_unit, units_of
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_core.bounds import YamlError, shown, yaml_content
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

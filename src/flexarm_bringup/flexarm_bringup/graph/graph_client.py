@@ -15,7 +15,7 @@ from flexarm_bringup.graph.assignments import assigned
 from flexarm_bringup.graph.figures import SetPoint
 from flexarm_bringup.graph.operator import REMOTE, ros_domain, session
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_core.nearest import nearest_node
+from flexarm_core.errors import nearest_node
 from flexarm_live.graph.node_parameters import own_names, shown
 from flexarm_node import qos
 

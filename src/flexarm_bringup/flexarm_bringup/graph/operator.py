@@ -27,7 +27,7 @@ from flexarm_bringup.graph.figures import Run
 from flexarm_bringup.graph.processes import NAMESPACE, HeldDriveError, LaunchError
 from flexarm_core.bounds import shown
 from flexarm_core.clock import Patience
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import nearest
 from flexarm_msgs.msg import ArmState, IoSample
 from flexarm_msgs.srv import Identify, SetReference
 from flexarm_node import qos

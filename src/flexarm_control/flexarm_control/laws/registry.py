@@ -46,7 +46,7 @@ from flexarm_control.planning.flat_arm import ArmFigures, fitted_arm
 from flexarm_control.planning.friction_observer import FrictionSensing
 from flexarm_control.planning.move import MoveSettings
 from flexarm_core.errors import SettingError
-from flexarm_core.own_modules import error_text, failed_line, own_module
+from flexarm_core.own_files import error_text, failed_line, own_module
 from flexarm_core.specs import (
     Bounded,
     ParameterSpec,

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_core.errors import SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

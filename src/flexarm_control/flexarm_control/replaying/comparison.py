@@ -23,7 +23,7 @@ from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_control.laws.switching import ASKED, Handover
 from flexarm_control.loop_setup import Setup, parameters_in
 from flexarm_control.models.arm_model import OUTPUTS
-from flexarm_control.models.chosen_model import PREFIX
+from flexarm_control.models.nominal_models import PREFIX
 from flexarm_control.rig_setup import REFERENCES, RIG, recorded_setup
 from flexarm_core.errors import BagError, SettingError
 from flexarm_core.signals import Sample

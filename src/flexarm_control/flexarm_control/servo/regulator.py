@@ -26,8 +26,7 @@ import numpy as np
 
 from flexarm_control.models.arm_model import delayed
 from flexarm_control.servo.generalised_plant import GeneralisedPlant, hinf_gains, lqg_gains
-from flexarm_core.errors import SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.control_library import control_library
 from flexarm_ident.models.state_space import state_space

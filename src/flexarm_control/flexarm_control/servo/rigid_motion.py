@@ -17,8 +17,7 @@ import scipy
 from flexarm_control.servo.robustness import FEWEST_PERIODS, vibrations
 from flexarm_ident.fitting.validation import validate_dmv
 from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
-from flexarm_ident.models.free_run import simulate_states
-from flexarm_ident.models.state_space import state_space
+from flexarm_ident.models.state_space import simulate_states, state_space
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import simulate
 
 if TYPE_CHECKING:
     import control

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from flexarm_core.channels import COMMAND, is_thesis_arm
-from flexarm_core.errors import FlexarmError, SettingError
-from flexarm_core.nearest import nearest
-from flexarm_core.own_modules import error_text, failed_line, own_module
+from flexarm_core.errors import FlexarmError, SettingError, nearest
+from flexarm_core.own_files import error_text, failed_line, own_module
 from flexarm_core.yaml_sections import sections_of
 from flexarm_daq.drivers.mujoco.rig import MujocoRig, MujocoSettings
 from flexarm_daq.drivers.serial.rig import SerialRig, SerialSettings

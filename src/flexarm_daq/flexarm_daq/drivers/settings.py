@@ -7,8 +7,7 @@ from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from flexarm_core.bounds import shown
-from flexarm_core.errors import SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

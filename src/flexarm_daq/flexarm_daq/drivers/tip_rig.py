@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES
-from flexarm_core.errors import SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest
 from flexarm_core.signals import RigSample
 from flexarm_daq.rigs.late_readings import LateReadings, SensorSettings
 from flexarm_daq.rigs.rig_parameters import NO_HUM_V, RigParameters

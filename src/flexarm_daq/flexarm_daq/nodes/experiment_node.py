@@ -11,8 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_core.channels import BOUND_V, MAX_COMMAND_V, TRAVEL_V, is_thesis_arm
-from flexarm_core.errors import SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest
 from flexarm_core.specs import select
 from flexarm_core.tables import defaults, read_table
 from flexarm_core.waves import Band

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexarm_core.channels import is_thesis_arm
-from flexarm_core.errors import SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest
 from flexarm_core.rig_description import SIMULATIONS, load_rig
 from flexarm_daq.drivers.registry import driven, require_methods
 from flexarm_daq.drivers.scaled_rig import ScaledRig

@@ -18,8 +18,7 @@ from flexarm_core.errors import IdentificationError
 from flexarm_ident.diagnostics.uncertainty import blocks_left_out, jackknife
 from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.fitting.stable_fit import fit_stable
-from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.state_space import state_space
+from flexarm_ident.models.state_space import simulate, state_space
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -17,9 +17,8 @@ import numpy as np
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.diagnostics.stabilisation import Criteria
 from flexarm_ident.fitting.stable_fit import fit_stable
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form, modal_response, ranked_modes
-from flexarm_ident.models.state_space import WAYS, state_space
+from flexarm_ident.models.state_space import WAYS, simulate, state_space
 from flexarm_ident.records.preprocess import output_scale
 
 if TYPE_CHECKING:

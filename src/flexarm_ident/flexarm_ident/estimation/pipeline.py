@@ -29,11 +29,10 @@ from flexarm_ident.estimation.weighing import (
 )
 from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.fitting.validation import Dmv, mean_error
-from flexarm_ident.models.free_run import BlockSimulation
-from flexarm_ident.models.state_space import INTEGRATING, is_stable
+from flexarm_ident.models.state_space import INTEGRATING, BlockSimulation, is_stable
 from flexarm_ident.records.iodata import IoData, as_records
-from flexarm_ident.records.magnitude import check_magnitude
 from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, preprocess
+from flexarm_ident.records.signals import check_magnitude
 from flexarm_ident.subspace.feedback import reaches_inputs
 from flexarm_ident.subspace.methods import AUTO, METHODS, estimate, select_method
 from flexarm_ident.subspace.order import choose_order, order_above

@@ -27,9 +27,8 @@ from flexarm_ident.friction.joint_fit import fit_joints
 from flexarm_ident.friction.layout import arm_layout, joints
 from flexarm_ident.friction.levels import estimate_coulomb, net_record
 from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import is_defective, modal_form
-from flexarm_ident.models.state_space import is_stable
+from flexarm_ident.models.state_space import is_stable, simulate
 from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.signals import live_samples
 from flexarm_ident.subspace.methods import METHODS, estimate

@@ -32,8 +32,7 @@ from flexarm_core.errors import DataError, FlexarmError, IdentificationError
 from flexarm_ident.estimation.cross_validation import cross_validate, without_blocks
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error
-from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.state_space import state_space
+from flexarm_ident.models.state_space import simulate, state_space
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.methods import METHODS, Data, estimate_from
 from flexarm_ident.subspace.order import largest_order

@@ -13,7 +13,7 @@ import scipy
 
 from flexarm_ident.fitting.levenberg_marquardt import Normal
 from flexarm_ident.fitting.modal_parameters import ModalParameters
-from flexarm_ident.models.free_run import BlockSimulation
+from flexarm_ident.models.state_space import BlockSimulation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -17,11 +17,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.fitting.modal_regression import ModalRegression, ModalSignals
-from flexarm_ident.fitting.schur_regression import SchurRegression
-from flexarm_ident.models.free_run import simulate, simulate_states
+from flexarm_ident.fitting.modal_regression import ModalRegression, ModalSignals, SchurRegression
 from flexarm_ident.models.modes import is_defective
-from flexarm_ident.models.state_space import spectrum
+from flexarm_ident.models.state_space import simulate, simulate_states, spectrum
 from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:

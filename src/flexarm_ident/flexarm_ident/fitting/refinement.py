@@ -15,8 +15,8 @@ import numpy as np
 from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.fitting.levenberg_marquardt import step_reporter
 from flexarm_ident.fitting.modal_error import ModalError
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import is_defective, modal_form
+from flexarm_ident.models.state_space import simulate
 from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from flexarm_core.errors import IdentificationError
 from flexarm_core.labels import axis_label
 from flexarm_core.showing.traces import Panel, plot_traces
 from flexarm_ident.fitting.output_fit import fit_initial_states
-from flexarm_ident.models.free_run import BlockSimulation, simulate
+from flexarm_ident.models.state_space import BlockSimulation, simulate
 from flexarm_ident.records.preprocess import remove_compensation
 
 if TYPE_CHECKING:

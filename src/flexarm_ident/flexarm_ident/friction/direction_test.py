@@ -14,7 +14,7 @@ import numpy as np
 
 from flexarm_ident.friction.layout import drive_columns
 from flexarm_ident.likelihood.noise_filter import is_noise, whitened
-from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_ident.models.files import load_model, load_parameters
-from flexarm_ident.models.free_run import simulate_states
 from flexarm_ident.models.model_parameters import ModelFileError
+from flexarm_ident.models.state_space import simulate_states
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -23,8 +23,7 @@ from flexarm_ident.fitting.validation import relative_errors
 from flexarm_ident.friction.dry_friction import DryFriction, Yielding, simulate_with_friction
 from flexarm_ident.friction.guided_error import GuidedError
 from flexarm_ident.friction.levels import SYSTEMATIC
-from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.state_space import state_space, with_matrices
+from flexarm_ident.models.state_space import simulate, state_space, with_matrices
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -29,7 +29,6 @@ from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.likelihood.noise_filter import is_noise, whitened, whitening_filters
 from flexarm_ident.likelihood.spectral_error import SpectralError
-from flexarm_ident.models.free_run import BlockSimulation, simulate
 from flexarm_ident.models.modes import (
     ModeUncertainty,
     frequency_and_damping,
@@ -37,6 +36,7 @@ from flexarm_ident.models.modes import (
     modal_form,
     nearest,
 )
+from flexarm_ident.models.state_space import BlockSimulation, simulate
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.inverse import truncated_inverse
 

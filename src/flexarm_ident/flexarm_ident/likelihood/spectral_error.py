@@ -30,7 +30,7 @@ from flexarm_ident.fitting.levenberg_marquardt import Normal
 from flexarm_ident.fitting.modal_parameters import ModalParameters, PoleForm
 from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.likelihood.noise_filter import whitening_filters
-from flexarm_ident.models.free_run import simulate_states
+from flexarm_ident.models.state_space import simulate_states
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -16,7 +16,7 @@ import scipy
 
 from flexarm_core.labels import DEADBEAT, ENDLESS_SAMPLES, decay, with_deviation
 from flexarm_core.showing.tables import html_table
-from flexarm_ident.models.free_run import BlockSimulation
+from flexarm_ident.models.state_space import BlockSimulation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

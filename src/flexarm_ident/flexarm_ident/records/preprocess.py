@@ -14,8 +14,7 @@ from flexarm_core.errors import DataError
 from flexarm_core.labels import counted, instant
 from flexarm_ident.records.data_warning import CONVERTED, DROPOUTS
 from flexarm_ident.records.iodata import as_records
-from flexarm_ident.records.magnitude import in_range
-from flexarm_ident.records.signals import CONSTANT_SHARE, FEW_LEVELS, constant_share, look
+from flexarm_ident.records.signals import CONSTANT_SHARE, FEW_LEVELS, constant_share, in_range, look
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -65,7 +64,7 @@ def preprocess(
     not bent, so the gauges can always be forced to zero mean. A channel whose mean exceeds a
     thousand of its standard deviations has an offset and no signal in it: it is removed, with a
     notice, unless `bias` is 'none'. One that is beyond the range of numbers that can be computed
-    with is multiplied by a power of ten, see `magnitude.in_range`.
+    with is multiplied by a power of ten, see `signals.in_range`.
 
     The thesis filters the outputs only, at 50 Hz. That adds the filter's poles to the model and
     colours the noise, so nothing is filtered by default; a `cutoff_hz` filters inputs and outputs

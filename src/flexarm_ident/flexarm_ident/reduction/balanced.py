@@ -20,9 +20,8 @@ import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_inputs
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form
-from flexarm_ident.models.state_space import with_matrices
+from flexarm_ident.models.state_space import simulate, with_matrices
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.reduction.modal import truncate

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import DataError, IdentificationError
-from flexarm_ident.records.magnitude import check_magnitude
+from flexarm_ident.records.signals import check_magnitude
 from flexarm_ident.subspace.gram import stretches
 from flexarm_ident.subspace.methods import AUTO, METHODS, check_method
 

@@ -14,8 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from flexarm_control.loop_setup import TOPIC
 from flexarm_core.channels import is_thesis_arm
 from flexarm_core.clock import slowness
-from flexarm_core.errors import FlexarmError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import FlexarmError, nearest
 from flexarm_live.graph.about import about_arm
 from flexarm_live.graph.chain import Chain, Jobs, record_line
 from flexarm_live.graph.loop_nodes import LoopNodes

@@ -14,8 +14,7 @@ from flexarm_control.laws.registry import LAWS
 from flexarm_control.loop_setup import TOPIC
 from flexarm_core.channels import is_thesis_arm
 from flexarm_core.clock import Patience
-from flexarm_core.errors import FlexarmError, one_line
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import FlexarmError, nearest, one_line
 from flexarm_daq.experiments.catalogue import experiment, on_rig
 from flexarm_live.graph.situation import EXPERIMENT
 from flexarm_live.graph.store import COMPARISON_FILE

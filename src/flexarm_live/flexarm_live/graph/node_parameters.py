@@ -16,8 +16,7 @@ from rcl_interfaces.srv import (
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from flexarm_core.clock import Patience
-from flexarm_core.errors import FlexarmError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import FlexarmError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

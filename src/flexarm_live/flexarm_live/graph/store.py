@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_bags.metadata import FILE_NAME
-from flexarm_core.errors import BagError, FlexarmError
+from flexarm_core.errors import BagError, FlexarmError, nearest
 from flexarm_core.labels import UNIT_ENDINGS, label_and_unit, unit_ending
-from flexarm_core.nearest import nearest
 from flexarm_ident.importing.csv_cells import CsvImportError
 from flexarm_ident.importing.csv_columns import file_unit, guessed_columns
 from flexarm_ident.importing.csv_layout import is_table

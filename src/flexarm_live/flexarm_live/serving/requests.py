@@ -10,8 +10,7 @@ from enum import IntEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from flexarm_core.errors import FlexarmError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import FlexarmError, nearest
 from flexarm_node.parameter_files import LOOP
 
 if TYPE_CHECKING:

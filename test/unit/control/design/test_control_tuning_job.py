@@ -18,8 +18,7 @@ from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.gains import PdpGains, PiGains, Sampling
 from flexarm_control.laws.pdpc import Pi
 from flexarm_control.laws.registry import LAWS
-from flexarm_control.models.chosen_model import chosen_model
-from flexarm_control.models.nominal_models import identified_model
+from flexarm_control.models.nominal_models import chosen_model, identified_model
 from flexarm_control.simulation import simulate_loop
 from flexarm_ident.models.files import save_model
 from flexarm_ident.models.model_parameters import model_parameters, write_parameter_file

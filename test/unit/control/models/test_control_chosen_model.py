@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from flexarm_control.models.chosen_model import chosen_model
-from flexarm_control.models.nominal_models import nominal_model
+from flexarm_control.models.nominal_models import chosen_model, nominal_model
 from flexarm_core.errors import SettingError
 from flexarm_ident.models.files import save_model
 from flexarm_ident.models.model_parameters import model_parameters, write_parameter_file

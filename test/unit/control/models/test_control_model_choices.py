@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_control.loop_setup import MODEL_CHOICES
-from flexarm_control.models.chosen_model import ModelChoices
-from flexarm_control.models.nominal_models import nominal_model
+from flexarm_control.models.nominal_models import ModelChoices, nominal_model
 from flexarm_core.errors import SettingError
 from flexarm_ident.models.model_parameters import model_parameters
 

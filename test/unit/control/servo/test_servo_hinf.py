@@ -18,7 +18,7 @@ from flexarm_control.servo.generalised_plant import (
 )
 from flexarm_control.servo.job import ServoRequest, Source, design_servo
 from flexarm_control.servo.regulator import FILTERS, LAWS, _generalised, loop_plant
-from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import simulate
 from support.exhaustive import first_of
 from support.servo_plants import bending_arm, two_joints
 

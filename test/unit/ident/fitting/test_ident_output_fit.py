@@ -11,7 +11,7 @@ from scipy import linalg
 from flexarm_ident import IdentificationError, IoData, identify
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs, fit_outputs
 from flexarm_ident.models import modes
-from flexarm_ident.models.free_run import simulate, simulate_states
+from flexarm_ident.models.state_space import simulate, simulate_states
 from support.ident_systems import DT_S, named, pulse_responses, random_model, record, step_by_step
 
 if TYPE_CHECKING:

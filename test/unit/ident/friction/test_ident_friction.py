@@ -18,8 +18,8 @@ from flexarm_ident.friction.dry_friction import (
 )
 from flexarm_ident.friction.layout import Drive, joints
 from flexarm_ident.friction.levels import estimate_coulomb
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.model_parameters import ModelFileError
+from flexarm_ident.models.state_space import simulate
 from flexarm_ident.models.stick_slip import friction_force
 from flexarm_ident.records.signals import dead_stretches, live_samples
 from support.exhaustive import first_of

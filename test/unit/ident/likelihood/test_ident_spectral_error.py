@@ -11,8 +11,8 @@ from flexarm_ident import IoData, identify
 from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
 from flexarm_ident.likelihood.spectral_error import SpectralError, spectral_bands, whole_length
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import frequency_grid
+from flexarm_ident.models.state_space import simulate
 from support.ident_systems import random_model, record, step_by_step
 
 FILTERS = [np.array([1.0, -0.7, 0.1])[: output + 1] for output in range(3)]

@@ -26,8 +26,8 @@ from flexarm_ident.friction.layout import Drive, arm_layout
 from flexarm_ident.friction.levels import CoulombEstimate
 from flexarm_ident.job import write_results
 from flexarm_ident.models.files import EXPORTS
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.model_parameters import flat_parameters
+from flexarm_ident.models.state_space import simulate
 from flexarm_ident.reduction.modal import truncate
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run

@@ -12,7 +12,7 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.called import as_called
 from flexarm_bringup.graph.processes import LaunchError, as_yaml
 from flexarm_control.loop_setup import TOPIC
-from flexarm_control.models.chosen_model import PREFIX
+from flexarm_control.models.nominal_models import PREFIX
 from flexarm_core.bounds import yaml_content
 from flexarm_node import qos
 

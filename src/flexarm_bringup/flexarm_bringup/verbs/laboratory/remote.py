@@ -17,8 +17,7 @@ from flexarm_bringup.graph.processes import MANAGED, NAMESPACE, LaunchError
 from flexarm_bringup.graph.socket_client import stop_every_arm, through
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.bounds import shown
-from flexarm_core.errors import SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest
 from flexarm_core.rig_description import load_rig
 from flexarm_node.parameter_files import LOOP
 

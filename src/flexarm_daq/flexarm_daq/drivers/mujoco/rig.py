@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from flexarm_core.errors import SettingError, one_line
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest, one_line
 from flexarm_core.signals import RigSample, steps_to
 from flexarm_daq.rigs.late_readings import LateReadings, SensorSettings, require_from_zero
 from flexarm_daq.rigs.rig_protocol import RigError

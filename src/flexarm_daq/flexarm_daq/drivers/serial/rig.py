@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 
-from flexarm_core.errors import SettingError, one_line
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest, one_line
 from flexarm_daq.drivers.serial import messages
 from flexarm_daq.drivers.serial.messages import FrameReader
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from flexarm_core.errors import SettingError
-from flexarm_core.nearest import nearest
+from flexarm_core.errors import SettingError, nearest
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:

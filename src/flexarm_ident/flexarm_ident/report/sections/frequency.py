@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import label_and_unit
-from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import frequency_grid
+from flexarm_ident.models.state_space import simulate
 from flexarm_ident.report.content.blocks import Heading, Plots, Section, Words
 from flexarm_ident.report.content.wording import deviation_words
 from flexarm_ident.report.plots import marks
