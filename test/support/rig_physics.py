@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.rigs.arm_shape import BENDS
+from flexarm_daq.nodes.joint_view import BENDS
 from flexarm_daq.rigs.beam import arm_modes
 from flexarm_daq.rigs.equations import ARM, MOTOR, POSITION, VELOCITY
 

@@ -16,7 +16,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 from flexarm_core.channels import CHANNELS
-from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB
+from flexarm_daq.nodes.joint_view import BEND_JOINTS, HUB
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_core.channels import MAX_COMMAND_V, TRAVEL_DEG
-from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB
+from flexarm_daq.nodes.joint_view import BEND_JOINTS, HUB
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from support.project import PROJECT
 from support.rig_physics import bends_at_m

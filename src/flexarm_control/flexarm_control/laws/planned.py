@@ -6,11 +6,19 @@ a PDP loop, which has to take only what the plan does not know. The compensation
 follows the planned speed, which has no noise. A change during a move plans the difference that
 leads to the new end, and both are played at once: the model is linear, and the sum keeps the peak.
 When all moves are over, the law is `pdpc_plus`, with its rest.
+
+The base gauge measures the torque that the arm takes and the tachometer the motion of the hub. What
+is left of the command is friction, all in volts of command, with u_c the compensation known::
+
+    d = u - u_c - beta y2 - h y4' - v y4
+
+A low-pass takes the noise and the derivative. At 5 Hz it follows friction; at 15 Hz the loop hunts.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import exp, pi
 from typing import TYPE_CHECKING, Protocol
 
 from flexarm_control.laws.ilqr import PLAUSIBLE_V
@@ -20,7 +28,6 @@ from flexarm_control.laws.payload import (
     PayloadEstimator,
 )
 from flexarm_control.laws.pdpc_plus import PdpcPlus
-from flexarm_control.planning.friction_observer import FrictionObserver
 from flexarm_control.planning.move import (
     MOST_PHASES,
     Limits,
@@ -30,6 +37,7 @@ from flexarm_control.planning.move import (
     plan,
     what_is_left,
 )
+from flexarm_core.specs import Bounded, setting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +47,6 @@ if TYPE_CHECKING:
     from flexarm_control.laws.payload import PayloadDetection, PayloadEstimate
     from flexarm_control.laws.pdpc_plus import Rest
     from flexarm_control.planning.flat_arm import FlatArm
-    from flexarm_control.planning.friction_observer import FrictionSensing
     from flexarm_control.planning.move import Move, Phases
 
 _MOST_MOVES = 8
@@ -50,6 +57,7 @@ _ASK_EVERY = 5
 _HALF = 2 * MOST_PHASES
 _NO_MOVE = [0.0] * (3 + 2 * _HALF)
 """Distance, payload, next sample and both rigid moves of a move that is none, in the memory."""
+_BASE_STRAIN, _SPEED = 1, 3
 
 
 class ArmByPayload(Protocol):
@@ -252,3 +260,82 @@ def _phases(numbers: Sequence[float]) -> Phases:
     """Return the phases of some numbers."""
     pairs = zip(numbers[::2], numbers[1::2], strict=True)
     return tuple(Phase(lasts_s, command_v) for lasts_s, command_v in pairs if lasts_s)
+
+
+@dataclass(frozen=True)
+class FrictionSensing(Bounded):
+    """Settings of the observer; the defaults are those of the simulated rig.
+
+    Gain of gauge, tachometer and motor give the weights: beta is one over the gains of base gauge
+    and motor, h the inertia of motor and hub and v the viscous friction over the gains of
+    tachometer and motor.
+    """
+
+    observer_hz: float = setting(
+        0.0, 0.0, 50.0, "Hz", "bandwidth of the friction observer; 0: none; try 5"
+    )
+    command_per_strain: float = setting(1.136, -100.0, 100.0, "V/V", "command that a strain takes")
+    command_per_acceleration_s: float = setting(
+        0.0235, 0.0, 10.0, "s", "command that accelerates the hub alone, over the change of speed"
+    )
+    command_per_speed: float = setting(0.451, 0.0, 100.0, "V/V", "viscous friction of the motor")
+    most_friction_v: float = setting(1.0, 0.0, 5.0, "V", "most that the observer adds")
+
+
+class FrictionObserver:
+    """Low-pass of the friction beyond a compensation, V.
+
+    Parameters
+    ----------
+    sensing : FrictionSensing
+        Settings.
+    rate_hz : float
+        Sampling rate of the signals, Hz.
+
+    Attributes
+    ----------
+    state : tuple of float
+        Command that is left, speed, both after the low-pass, and the command in force, V.
+    """
+
+    def __init__(self, sensing: FrictionSensing, rate_hz: float) -> None:
+        self._sensing = sensing
+        pole_per_s = 2.0 * pi * sensing.observer_hz
+        self._share = 1.0 - exp(-pole_per_s / rate_hz)
+        self._inertia = sensing.command_per_acceleration_s * pole_per_s
+        self.state: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def step(self, volts: Sequence[float], effort_v: float) -> float:
+        """Return the friction at a sample.
+
+        Parameters
+        ----------
+        volts : sequence of float
+            Position, base strain, middle strain and speed, V.
+        effort_v : float
+            Effort that answers the sample, V, without the compensation that is known.
+        """
+        sensing, share = self._sensing, self._share
+        if not share:
+            return 0.0
+        left_v, low_speed_v, command_v = self.state
+        base_v, speed_v = volts[_BASE_STRAIN], volts[_SPEED]
+        now_v = command_v - (
+            sensing.command_per_strain * base_v + sensing.command_per_speed * speed_v
+        )
+        left_v += share * (now_v - left_v)
+        low_speed_v += share * (speed_v - low_speed_v)
+        friction_v = left_v - self._inertia * (speed_v - low_speed_v)
+        friction_v = min(max(friction_v, -sensing.most_friction_v), sensing.most_friction_v)
+        self.state = left_v, low_speed_v, effort_v + friction_v
+        return friction_v
+
+    def correct(self, missing_v: float) -> None:
+        """Take note that the last effort was another one by so much, V."""
+        if self._share:
+            left_v, low_speed_v, command_v = self.state
+            self.state = left_v, low_speed_v, command_v + missing_v
+
+    def reset(self) -> None:
+        """Forget the friction."""
+        self.state = (0.0, 0.0, 0.0)

@@ -38,12 +38,11 @@ from flexarm_control.laws.payload import PayloadDetection, PayloadEstimate, Payl
 from flexarm_control.laws.pdpc import Pd, Pdp, Pdpc, Pi
 from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest, RestThresholds
 from flexarm_control.laws.pdpc_scheduled import ScheduledPdpc, ScheduleGains
-from flexarm_control.laws.planned import Planned
+from flexarm_control.laws.planned import FrictionSensing, Planned
 from flexarm_control.laws.regulator_loop import stabilising_design
 from flexarm_control.laws.strain_limit import StrainLimit
 from flexarm_control.models.nominal_models import identified_model
 from flexarm_control.planning.flat_arm import ArmFigures, fitted_arm
-from flexarm_control.planning.friction_observer import FrictionSensing
 from flexarm_control.planning.move import MoveSettings
 from flexarm_core.errors import SettingError
 from flexarm_core.own_files import error_text, failed_line, own_module

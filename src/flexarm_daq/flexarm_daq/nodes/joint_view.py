@@ -1,18 +1,33 @@
-"""SI view of a sample for `joint_states`: position, velocity and effort of each joint."""
+"""SI view of a sample for `joint_states`: position, velocity and effort of each joint.
+
+The arm of the URDF is `BENDS` equal pieces, each stiff but for a joint in its middle. The joint
+takes the change of slope over its piece, the integral of the curvature. The curvature is that of
+the gauges where they are, zero at the free tip, and linear in between.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+import numpy as np
+
 from flexarm_core.channels import CHANNELS, COMMAND, DRIVE_A_PER_V, is_thesis_arm
-from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB, bend_angles
 from flexarm_daq.rigs.rig_parameters import RigParameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from flexarm_core.rig_description import RigDescription
+
+BENDS = 4
+HUB = "hub"
+BEND_JOINTS = tuple(f"bend{number}" for number in range(1, BENDS + 1))
+"""Names of the virtual joints, from the hub to the tip."""
+# Of a piece: the mean over their middles is its integral to 1e-6.
+_POINTS = 1000
 
 
 class JointValues(NamedTuple):
@@ -80,3 +95,32 @@ class DescribedJoints:
 def joint_view(rig: RigDescription) -> JointView:
     """Return the view of a rig's joints."""
     return ThesisJoints() if is_thesis_arm(rig) else DescribedJoints(rig)
+
+
+def bend_angles(parameters: RigParameters) -> NDArray[np.float64]:
+    """Return the angles of the virtual joints per volt of the base and the middle gauge.
+
+    Parameters
+    ----------
+    parameters : RigParameters
+        Rig, with its beam and its gauges.
+
+    Returns
+    -------
+    ndarray, (BENDS, 2)
+        Angles in rad per V, positive as the hub's.
+    """
+    # The gauges' signs are those of the wiring: see `plant`.
+    curvature_per_v = np.array(
+        [-1.0 / parameters.base_gauge_v_per_nm, 1.0 / parameters.middle_gauge_v_per_nm]
+    )
+    curvature_per_v /= parameters.bending_stiffness_nm2
+    known_m = [parameters.base_gauge_at_m, parameters.middle_gauge_at_m, parameters.length_m]
+    piece_m = parameters.length_m / BENDS
+    middles_m = piece_m * (np.arange(BENDS * _POINTS) + 0.5) / _POINTS
+    shares = [
+        np.interp(middles_m, known_m, one_of_three).reshape(BENDS, _POINTS).mean(axis=1)
+        for one_of_three in np.eye(3)[:2]
+    ]
+    angles: NDArray[np.float64] = piece_m * np.column_stack(shares) * curvature_per_v
+    return angles

@@ -6,7 +6,7 @@ from math import exp, pi
 
 import pytest
 
-from flexarm_control.planning.friction_observer import FrictionObserver, FrictionSensing
+from flexarm_control.laws.planned import FrictionObserver, FrictionSensing
 
 RATE_HZ = 300.0
 SENSING = FrictionSensing(observer_hz=5.0)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_daq.rigs.arm_shape import bend_angles
+from flexarm_daq.nodes.joint_view import bend_angles
 from flexarm_daq.rigs.beam import arm_modes
 from flexarm_daq.rigs.equations import ARM, POSITION
 from flexarm_daq.rigs.plant import Plant

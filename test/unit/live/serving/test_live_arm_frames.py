@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB
+from flexarm_daq.nodes.joint_view import BEND_JOINTS, HUB
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_live.serving.arm_frames import FRAMES_TYPE, TEXT_TYPE, ArmFrames
 from support.bag_samples import START_NS, header, serialised, typestore

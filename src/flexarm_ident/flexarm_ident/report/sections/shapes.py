@@ -1,4 +1,4 @@
-"""Mode shapes section: how the sensors move against each other in each oscillating mode."""
+"""Modes sections: modes of the full model, and how the sensors move in each oscillating one."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.labels import label_and_unit
+from flexarm_core.labels import decay, label_and_unit, with_deviation
 from flexarm_ident.fitting.validation import rms
 from flexarm_ident.models.modes import mode_shapes
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
+from flexarm_ident.report.content.wording import deviation_words
 from flexarm_ident.report.plots import marks
 from flexarm_ident.report.plots.chart import Note, Panel, View, chart
 from flexarm_ident.report.plots.marks import Axis, plain
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from flexarm_ident.models.modes import ModeShape
     from flexarm_ident.report.content.blocks import Block, Subject
+    from flexarm_ident.workflow.outcome import Outcome
 
 # With many outputs the bars of a plot have no room for their names.
 _SHAPES, _OUTPUTS = 6, 6
@@ -28,6 +30,7 @@ _SIZE = "height:9rem"
 _HALF_WIDTH = 0.3
 _LOW, _HIGH = -1.45, 1.15
 _NAMES_AT = -1.4
+_LARGE = 1e3
 
 
 def _build(subject: Subject) -> Iterator[Block]:
@@ -112,3 +115,45 @@ def shape_plot(shape: ModeShape, outputs: Sequence[str]) -> str:
     parts = np.stack([real, imaginary], axis=1).ravel()
     amplitudes = " ".join(f"{part:.4f}" for part in parts)
     return f'<div class="shape" data-shape="{amplitudes}">{drawn}</div>'
+
+
+def _listed(subject: Subject) -> Iterator[Block]:
+    table = _modes(subject.outcome)
+    yield table
+    marked = " The marked modes are the reduced model." if table.marked else ""
+    yield Words(
+        "These are the modes of the full model. MSV is the weight of a mode in a pulse response, "
+        "MRM its mean response to the recorded input; rank 1 is the largest. A mode that "
+        "does not oscillate has its time constant in place of a frequency. A negative damping "
+        "ratio is an unstable mode. "
+        f"{deviation_words(subject.outcome)}{marked}"
+    )
+
+
+MODES = Section(30, "Modes", _listed)
+
+
+def _modes(outcome: Outcome) -> Table:
+    """Return the modes of the full model, as Tables 3-1a to 3-3a."""
+    header = ("States", "Frequency, Hz", "Damping", "MSV (rank)", "MRM (rank)", "Kept")
+    deviations = outcome.identification.known_deviations or [None] * len(outcome.modes)
+    rows = tuple(
+        (
+            mode.label,
+            decay(mode.eigenvalue, outcome.model.dt)
+            or with_deviation(mode.frequency_hz, deviation and deviation.frequency_std_hz),
+            # Without a frequency it is 1 by definition.
+            with_deviation(mode.damping_ratio, (deviation and deviation.damping_std) or None),
+            f"{_index(mode.msv)} ({mode.msv_rank})",
+            f"{_index(mode.mrm)} ({mode.mrm_rank})",
+            "yes" if mode.kept else "no",
+        )
+        for mode, deviation in zip(outcome.modes, deviations, strict=True)
+    )
+    kept = tuple(mode.kept for mode in outcome.modes)
+    marked = () if all(kept) else kept
+    return Table("modes", "Modes of the full model", header, rows, marked)
+
+
+def _index(value: float) -> str:
+    return f"{value:.3f}" if value < _LARGE else f"{value:.1e}"
