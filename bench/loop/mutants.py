@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 _ROOT = Path(__file__).parents[2]
-_LAWS = ("pdpc", "ilqr", "lqg", "pi", "switching")
+_LAWS = ("pdpc", "ilqr", "lqg", "switching")
 _BAGS = ("writer", "repair", "bounds", "check")
 _PAGE = ("access", "requests")
 SUBJECTS = {
     "limiter": ("flexarm_daq.loop.limiter.*",),
     "commander": ("flexarm_daq.loop.commander.*",),
-    "watchdog": ("flexarm_daq.loop.safety.*",),
+    "watchdog": ("flexarm_daq.loop.watchdog.*",),
     "states of the drive": ("flexarm_daq.loop.safety.*",),
     "sequence numbers": ("flexarm_bags.sequence.*",),
     "checksums": (

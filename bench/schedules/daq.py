@@ -12,8 +12,8 @@ from bench.schedules.processes import Killed, Process
 from flexarm_control.laws.law_protocol import DriveCommand
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.limiter import arm_gate
-from flexarm_daq.loop.safety import Watchdog
 from flexarm_daq.loop.sensor_check import SensorCheck
+from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.faulty import Fault, FaultyRig
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.loop.limiter import Limiter, LimiterSettings
-from flexarm_daq.loop.safety import Watchdog
+from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.plant import Plant
 from support.rig_physics import arm_angle_rad, energy_j

@@ -12,8 +12,8 @@ import pytest
 from flexarm_core.signals import Command
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.limiter import LimiterSettings, arm_gate
-from flexarm_daq.loop.safety import Watchdog
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
+from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.signals import Command
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.limiter import arm_gate
-from flexarm_daq.loop.safety import Watchdog
 from flexarm_daq.loop.sensor_check import SensorCheck
+from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.faulty import SENSOR_FAULTS, Fault, FaultyRig
 from flexarm_daq.rigs.rig_protocol import RigError
 from flexarm_daq.rigs.simulated import SimulatedRig

@@ -31,7 +31,7 @@ from flexarm_core.workers import Workers
 from flexarm_daq.loop import limiter
 from flexarm_daq.loop.commander import Commander, Verdict
 from flexarm_daq.loop.exchange import Record
-from flexarm_daq.loop.safety import Watchdog
+from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.nodes.recording import Recording
 from support.bag_samples import START_NS, arm_state, header, serialised
 from support.exhaustive import first_of, wide

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from flexarm_daq.loop.deadman import Deadman
     from flexarm_daq.loop.exchange import Link
     from flexarm_daq.loop.limiter import Gate
-    from flexarm_daq.loop.safety import Watchdog
     from flexarm_daq.loop.sensor_check import SensorCheck
+    from flexarm_daq.loop.watchdog import Watchdog
     from flexarm_daq.rigs.rig_protocol import Rig
 
 # The timed wait of the middleware wakes up late, so the last part of a period is slept.

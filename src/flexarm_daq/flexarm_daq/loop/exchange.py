@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from flexarm_core.signals import Command
     from flexarm_daq.loop.deadman import Deadman
     from flexarm_daq.loop.limiter import Gate, InputLimits
-    from flexarm_daq.loop.safety import Watchdog
     from flexarm_daq.loop.sensor_check import SensorCheck
+    from flexarm_daq.loop.watchdog import Watchdog
     from flexarm_daq.rigs.rig_protocol import Rig, RigSample
 
 

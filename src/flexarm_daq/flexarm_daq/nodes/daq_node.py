@@ -22,9 +22,10 @@ from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.complaints import Complaints
 from flexarm_daq.loop.deadman import Deadman
 from flexarm_daq.loop.limiter import LIMITS, Gate, LimiterSettings, arm_gate, rig_gate
-from flexarm_daq.loop.safety import COUNTED, Watchdog
+from flexarm_daq.loop.safety import COUNTED
 from flexarm_daq.loop.self_test import run_self_test
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
+from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.nodes.rig_choice import (
     NOISE_V,
     is_virtual,

@@ -14,8 +14,9 @@ from flexarm_daq.loop.acquisition import Acquisition
 from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.deadman import Deadman
 from flexarm_daq.loop.limiter import arm_gate
-from flexarm_daq.loop.safety import DriveState, Event, Watchdog
+from flexarm_daq.loop.safety import DriveState, Event
 from flexarm_daq.loop.sensor_check import SensorCheck
+from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.rig_protocol import RigSample
 
 if TYPE_CHECKING:

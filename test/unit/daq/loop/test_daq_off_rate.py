@@ -8,8 +8,8 @@ import pytest
 
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.limiter import arm_gate
-from flexarm_daq.loop.safety import Watchdog
 from flexarm_daq.loop.sensor_check import SensorCheck
+from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.rig_protocol import has_own_clock
 from flexarm_daq.rigs.simulated import SimulatedRig

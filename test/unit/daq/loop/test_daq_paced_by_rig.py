@@ -11,8 +11,8 @@ from flexarm_core.signals import Command
 from flexarm_daq.loop import acquisition
 from flexarm_daq.loop.acquisition import Acquisition
 from flexarm_daq.loop.limiter import arm_gate
-from flexarm_daq.loop.safety import Watchdog
 from flexarm_daq.loop.sensor_check import SensorCheck
+from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from support.exhaustive import first_of

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from flexarm_core.errors import SettingError
-from flexarm_daq.loop.safety import Watchdog, usual_age_periods
+from flexarm_daq.loop.watchdog import Watchdog, usual_age_periods
 
 PERIOD_S = 0.25
 

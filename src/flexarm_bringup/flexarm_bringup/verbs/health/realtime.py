@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from rich.table import Table
 
 from flexarm_bringup.console import terminal
-from flexarm_daq.loop.safety import usual_age_periods
+from flexarm_daq.loop.watchdog import usual_age_periods
 from flexarm_node.process import prefer_realtime
 from flexarm_node.statistics import Percentiles, Window
 
