@@ -24,8 +24,7 @@ from flexarm_control.servo.set_point import Plan, plan_for, planned, with_differ
 from flexarm_control.servo.twin import TWINS, Twin, perturbed, step_results, step_run
 from flexarm_core.errors import SettingError, nearest
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.state_space import state_space
+from flexarm_ident.models.state_space import simulate, state_space
 from flexarm_ident.provenance import signal_fields
 
 if TYPE_CHECKING:
