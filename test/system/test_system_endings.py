@@ -102,6 +102,7 @@ def test_daq___any_ending___leaves_zero_on_the_output(
     assert re.search(r"\d samples?, the drive is at zero", daq.printed)
 
 
+@pytest.mark.exhaustive
 def test_loop_in_one_process___terminal_closed___leaves_zero_on_the_output(
     graph: Graph, rig: LoggingRig
 ) -> None:

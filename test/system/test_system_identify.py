@@ -15,6 +15,7 @@ from rclpy.parameter import parameter_value_to_python
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from support.bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
+from support.exhaustive import first_of
 from support.identification_service import answered, as_plain, identify
 from support.project import BAGS, SHARED
 from support.system_graph import Graph, ros_arguments
@@ -64,7 +65,7 @@ def tenth_order(laboratory: Graph) -> Identify.Response:
 
 
 # The three known modes take six states: of eight, two are left for the motion of the hub.
-@pytest.mark.parametrize(("order", "largest_dmv"), [(8, 0.6), (10, 0.45)])
+@pytest.mark.parametrize(("order", "largest_dmv"), first_of([(10, 0.45), (8, 0.6)]))
 def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
     laboratory: Graph, request: pytest.FixtureRequest, order: int, largest_dmv: float
 ) -> None:

@@ -262,6 +262,7 @@ def test_node_at_work___answers_and_says_that_it_is_busy(
     assert status == GoalStatus.STATUS_SUCCEEDED, result.message
 
 
+@pytest.mark.exhaustive
 def test_service___call_with_the_bag_alone___is_the_model_of_the_command(
     laboratory: Graph, tmp_path: Path
 ) -> None:

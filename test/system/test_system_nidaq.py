@@ -132,11 +132,3 @@ def test_board_pulled_out___node_stops_sampling_and_says_the_drive_may_be_driven
     graph.await_state("daq", "inactive")
     daq.wait_for("press the emergency stop")
     assert "-201003" in daq.printed
-
-
-@pytest.mark.exhaustive
-def test_simulated_rig_with_the_self_test___is_activated(graph: Graph) -> None:
-    daq = graph.start("daq", {"self_test": "on", "noise": "thesis", "payload_kg": 0.4})
-    assert graph.transition("daq", "configure")
-    assert graph.transition("daq", "activate"), daq.printed
-    assert "self-test: every channel answers with the right sign" in daq.printed

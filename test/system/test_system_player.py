@@ -11,7 +11,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 from flexarm_core.clock import slowness
-from flexarm_msgs.msg import ArmState, MotorCommand
+from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from support.bag_samples import PLAYED_STEP_NS, START_NS, arm_state, played_bag
 from support.recorded_samples import States, content
@@ -149,31 +149,6 @@ def test_player___stopped_and_started___goes_on_where_it_was(graph: Graph, tmp_p
     assert player.exit_code() == 0
     graph.wait(lambda: len(states) == 2500, "the rest of the bag")
     assert states == list(range(1, 2501))
-
-
-@pytest.mark.exhaustive
-def test_player___in_a_live_graph___ends_with_one_line_and_plays_nothing(
-    graph: Graph, tmp_path: Path
-) -> None:
-    played_bag(tmp_path / "played", 100)
-    states: list[ArmState] = []
-    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
-    graph.node.create_subscription(MotorCommand, "command", lambda _: None, qos.EVERY)
-    graph.start("daq", {"autostart": True, "rate_hz": 100.0})
-    graph.wait(lambda: bool(states), "a sample")
-
-    # The second listener of the commands is the DAQ node: discovery may take its time.
-    player = graph.run_node("player", {"bag": str(tmp_path / "played"), "listeners": 2})
-
-    assert player.exit_code() == 1
-    refusal = "/flexarm/state is published by /flexarm/daq: stop it, then play"
-    assert [line for line in player.printed.splitlines() if "ERROR" in line] == [
-        line for line in player.printed.splitlines() if line.endswith(refusal)
-    ]
-    assert refusal in player.printed
-    assert "played" not in player.printed.replace(str(tmp_path), "")
-    # Those of the bag have the time at which it was written.
-    assert {state.header.stamp.sec for state in states}.isdisjoint({START_NS // 10**9})
 
 
 def test_player___to_be_started_beside_a_publisher___refuses_until_it_is_gone(

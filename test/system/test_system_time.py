@@ -36,6 +36,7 @@ def heard_times(graph: Graph) -> list[int]:
     return times
 
 
+@pytest.mark.exhaustive
 def test_simulated_time_without_a_clock___is_reported_and_stamps_are_the_wall_clocks(
     graph: Graph,
 ) -> None:
@@ -112,15 +113,6 @@ def test_arm_whose_time_runs_ahead___every_stamp_is_of_its_time_and_the_wall_clo
     graph.wait(lambda: all(name in apart_s for name in names), "every topic")
     assert all(abs(each) < 60.0 for each in apart_s.values()), apart_s
     assert all(abs(each - time.time()) < 60.0 for each in walls_s.values()), walls_s
-
-
-@pytest.mark.exhaustive
-def test_arm_in_virtual_time___without_clock___publishes_none(graph: Graph) -> None:
-    graph.start("daq", {"autostart": True, "clock": False, "rate_hz": 50.0})
-    states: list[ArmState] = []
-    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
-    graph.wait(lambda: len(states) > 3, "samples")
-    assert graph.node.count_publishers(_CLOCK) == 0
 
 
 @pytest.mark.exhaustive

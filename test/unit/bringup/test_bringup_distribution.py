@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
@@ -91,17 +90,6 @@ def test_verbs___that_start_no_node___work(command: Path, tmp_path: Path) -> Non
     for line in ([*words, "-o", "bag"], ["bag", "check", "bag"], ["catalogue"], ["--version"]):
         done = called(command, tmp_path, *line)
         assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.exhaustive
-def test_demo___runs_in_one_process_and_says_so(command: Path, tmp_path: Path) -> None:
-    done = called(command, tmp_path, "demo", "--fast")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("No ROS 2 for this Python: rig, controller and recorder run in")
-    summary = json.loads((tmp_path / "out" / "demo" / "summary.json").read_text("utf-8"))
-    assert (summary["samples"], summary["lost"]) == (12_000, 0)
-    assert abs(summary["pdpc"]["mean_error_v"]) <= 0.05
-    assert "Controlled step" in (tmp_path / "out" / "demo" / "report.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize("verb", ["experiment C_dat3", "up", "status", "run flexarm_daq daq_node"])
