@@ -105,12 +105,12 @@ def test_rig___is_moved_recorded_and_replayed(
     start(graph, file, {"real_time_factor": 0.0}, **{"reference": "step", "step.amplitude_v": 2.0})
     bag = tmp_path / "bag"
     graph.operator.record(str(bag))
-    graph.operator.sample(3000, lambda _: None)
+    graph.operator.sample(5000, lambda _: None)
     graph.operator.record(None)
 
     data = read_bag(bag)
     assert (data.inputs, data.outputs) == (rig.input_names, rig.output_names)
-    assert (len(data.u), data.dt_s, data.closed_loop) == (2999, 0.002, True)
+    assert (len(data.u), data.dt_s, data.closed_loop) == (4999, 0.002, True)
     # 2 V of 6.857 V, of a travel of 1.5.
     angles = [data.outputs.index(joint.angle) for joint in rig.joints]
     np.testing.assert_allclose(data.y[-1, angles], 2.0 / 6.857142857 * 1.5, atol=0.02)
@@ -121,7 +121,7 @@ def test_rig___is_moved_recorded_and_replayed(
     if model.noutputs > model.nstates:
         np.testing.assert_allclose((model.C @ free).T, data.y[1:], atol=2e-3)
     found = replay(read_loop(bag))
-    assert (found.compared, found.differences) == (3000, ())
+    assert (found.compared, found.differences) == (5000, ())
 
 
 @pytest.mark.exhaustive
