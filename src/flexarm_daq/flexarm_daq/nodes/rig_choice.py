@@ -77,6 +77,11 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
 def chosen_rig(values: Mapping[str, Any]) -> Rig:
     """Make the rig that the parameter `rig` names: a driver, or a description with its own."""
     description = load_rig(values["rig"])
+    if values["viewer"] and description.driver != "mujoco":
+        raise SettingError(
+            f"viewer: {values['rig']} has the driver {description.driver}, and only mujoco has a "
+            "viewer: leave it out"
+        )
     if description.driver == "simulated" and is_thesis_arm(description):
         return _simulated(values)
     if values["rig"] == "nidaq":
@@ -91,9 +96,9 @@ def chosen_rig(values: Mapping[str, Any]) -> Rig:
             f"rate_hz = {values['rate_hz']:g} of the node and {description.rate_hz:g} of "
             f"{values['rig']}: give the node rate_hz:={description.rate_hz}"
         )
-    if description.driver in SIMULATIONS and values["seed"]:
-        settings = {**description.settings, "seed": values["seed"]}
-        description = replace(description, settings=settings)
+    if description.driver in SIMULATIONS:
+        said = {name: values[name] for name in ("seed", "viewer") if values[name]}
+        description = replace(description, settings={**description.settings, **said})
     driver = driven(description, Path(values["rig"]).parent)
     if has_virtual_time(driver) and not is_virtual(values):
         driver.clock = time.monotonic  # type: ignore[attr-defined]

@@ -34,6 +34,15 @@ def test_fast___for_a_real_rig___is_refused_by_its_name() -> None:
         make_rig(values | {"rig": "nidaq", "time": "virtual"})
 
 
+@pytest.mark.parametrize("rig", ["thesis", "quanser-2dsfl"])
+def test_viewer___for_a_rig_without_one___is_refused(rig: str) -> None:
+    values = {spec.name: spec.default for spec in (*PARAMETERS, *LOOP_PARAMETERS)}
+    with pytest.raises(
+        SettingError, match=r"^viewer: .* has the driver (simulated|twin), and only mujoco"
+    ):
+        make_rig(values | {"rig": rig, "viewer": True})
+
+
 def test_seed___of_the_node___changes_the_noise_of_a_twin() -> None:
     values = {spec.name: spec.default for spec in (*PARAMETERS, *LOOP_PARAMETERS)}
     values |= {"rig": "quanser-2dsfl", "rate_hz": 500.0}

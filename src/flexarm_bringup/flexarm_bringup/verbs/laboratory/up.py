@@ -83,6 +83,7 @@ class _Settings:
     page: PageSettings | None
     foxglove_port: int | None
     compose: bool | None
+    viewer: bool
 
 
 @click.command()
@@ -118,6 +119,7 @@ class _Settings:
     default=None,
     help="Run daq and controller in one process or in two; one for a simulated arm, else two.",
 )
+@click.option("--viewer", is_flag=True, help="Show an arm in MuJoCo in the engine's own viewer.")
 @REAL_TIME
 @PARAMETER_FILES
 @ARM
@@ -197,6 +199,7 @@ def _run_graph(settings: _Settings) -> None:
         require_folder(bag.parent, "--bag")
     rig = rig_parameter(settings.rig)
     daq = {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz}
+    daq["viewer"] = settings.viewer
     parameters = {
         "daq": daq | settings.pace.parameters() | rig,
         "controller": _controller(settings) | rig,

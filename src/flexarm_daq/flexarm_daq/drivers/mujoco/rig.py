@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from dataclasses import dataclass
@@ -37,6 +38,8 @@ _NO_COLOUR: Final = (0.5, 0.5, 0.5, 1.0)
 """Colour of a solid to which the model gives none; a single precision number is exact there."""
 _SEEN_GROUPS: Final = 3
 """The engine's own viewer shows as many groups at first: those behind are for collisions."""
+_FRAME_S: Final = 1.0 / 60.0
+_DISPLAYS: Final = ("DISPLAY", "WAYLAND_DISPLAY")
 INSTALL: Final = f'{sys.executable} -m pip install "mujoco>=3.3,<5"'
 """Command that installs the engine."""
 _ENTRY = re.compile(r"(.+)\[(\d+)\]")
@@ -97,7 +100,9 @@ class MujocoRig:
 
     def open(self) -> None:
         """Start at the model's rest, at time zero, with the noise's seed; see `Rig.open`."""
-        self._arm = MujocoArm(self.settings, self._folder)
+        arm = MujocoArm(self.settings, self._folder)
+        self._shown = Viewer(arm) if self.settings.viewer else None
+        self._arm = arm
         self._late = LateReadings(self.settings)
         self._is_fresh = True
         self._moved_s = self.clock() if self.clock is not None else 0.0
@@ -110,6 +115,8 @@ class MujocoRig:
         elif not self._is_fresh:
             arm.advance(arm.substeps)
         self._is_fresh = False
+        if self._shown is not None:
+            self._shown.follow()
         return RigSample(arm.time_s, self._late(arm.time_s, arm.outputs()))
 
     def write(self, commands: Sequence[float]) -> None:
@@ -132,6 +139,8 @@ class MujocoRig:
     def close(self) -> None:
         """Set the actuators to zero and close; `open` starts again from rest."""
         self.safe_stop()
+        if self._arm is not None and self._shown is not None:
+            self._shown.close()
         self._arm = None
 
     def _follow(self, arm: MujocoArm, now_s: float) -> None:
@@ -139,6 +148,43 @@ class MujocoRig:
         steps, self._moved_s = steps_to(now_s, self._moved_s, arm.step_s)
         if steps:
             arm.advance(steps)
+
+
+class Viewer:
+    """The engine's own viewer of an arm; the arm goes on when its window is closed.
+
+    Parameters
+    ----------
+    arm : MujocoArm
+        The arm.
+
+    Raises
+    ------
+    RigError
+        If there is no display.
+    """
+
+    def __init__(self, arm: MujocoArm) -> None:
+        if sys.platform.startswith("linux") and not any(map(os.environ.get, _DISPLAYS)):
+            raise RigError(
+                "the viewer needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set: leave "
+                "the viewer out, the live page shows the bodies too"
+            )
+        self._arm = arm
+        self._window = import_module("mujoco.viewer").launch_passive(
+            arm.model, arm.data, show_left_ui=False, show_right_ui=False
+        )
+        self._next_s = 0.0
+
+    def follow(self) -> None:
+        """Show the present state, at most 60 times a second of the arm."""
+        if self._arm.time_s >= self._next_s and self._window.is_running():
+            self._next_s = self._arm.time_s + _FRAME_S
+            self._window.sync()
+
+    def close(self) -> None:
+        """Close the window."""
+        self._window.close()
 
 
 class MujocoBodies:
@@ -217,6 +263,8 @@ class MujocoSettings(SensorSettings):
         Steps of the engine in a period; 0 for as many as the model's own time step needs.
     payload_body : str
         Body that carries the payload.
+    viewer : bool
+        Whether the engine's own viewer shows the arm.
 
     Raises
     ------
@@ -228,6 +276,7 @@ class MujocoSettings(SensorSettings):
     actuators: tuple[str, ...]
     substeps: int = 0
     payload_body: str = ""
+    viewer: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

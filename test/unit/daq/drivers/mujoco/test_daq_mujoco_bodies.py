@@ -2,12 +2,15 @@ from __future__ import annotations
 
 import json
 import math
+import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from flexarm_daq.drivers.mujoco.rig import MujocoRig, MujocoSettings
+from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -93,3 +96,50 @@ def test_poses___follow_the_joint(rig: MujocoRig) -> None:
     np.testing.assert_allclose(world, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     turn = [math.cos(angle_rad / 2.0), 0.0, 0.0, math.sin(angle_rad / 2.0)]
     np.testing.assert_allclose(door, [1.0, 2.0, 0.0, *turn], atol=1e-9)
+
+
+class _Window:
+    """Double of the engine's passive viewer."""
+
+    def __init__(self) -> None:
+        self.shown, self.is_open = 0, True
+
+    def launch_passive(self, *_: object, **__: object) -> _Window:
+        return self
+
+    def is_running(self) -> bool:
+        return self.is_open
+
+    def sync(self) -> None:
+        self.shown += 1
+
+    def close(self) -> None:
+        self.is_open = False
+
+
+def test_viewer___arm_of_500_hz___shows_sixty_frames_a_second_until_its_window_is_closed(
+    rig: MujocoRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = _Window()
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setitem(sys.modules, "mujoco.viewer", window)
+    seen = MujocoRig(replace(rig.settings, viewer=True), rig._folder)
+    seen.open()
+
+    for _ in range(500):
+        seen.read()
+
+    assert window.shown == pytest.approx(60, abs=5)
+    window.is_open = False
+    seen.read()
+    seen.close()
+
+
+def test_viewer___without_a_display___is_refused(
+    rig: MujocoRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+    with pytest.raises(RigError, match="the viewer needs a display"):
+        MujocoRig(replace(rig.settings, viewer=True), rig._folder).open()
