@@ -36,7 +36,6 @@ def heard_times(graph: Graph) -> list[int]:
     return times
 
 
-@pytest.mark.exhaustive
 def test_simulated_time_without_a_clock___is_reported_and_stamps_are_the_wall_clocks(
     graph: Graph,
 ) -> None:
