@@ -93,7 +93,7 @@ static inline void servo_step(servo_controller *s, const double *y, const double
             now[i] += servo_correction[i * SERVO_OUTPUTS + k] * error;
     }
     for (i = 0; i < SERVO_INPUTS; i++) {
-        double total = 0.0, friction = 0.0;
+        double total = 0.0, part = 0.0, friction;
         wanted[i] = 0.0;
         for (k = 0; k < 3; k++)
             for (j = 0; j < SERVO_TRACKED; j++)
@@ -104,12 +104,9 @@ static inline void servo_step(servo_controller *s, const double *y, const double
         total = wanted[i];
         for (j = 0; j < SERVO_STATES; j++)
             total -= servo_feedback[i * SERVO_STATES + j] * (now[j] - s->state[1][j]);
-        if (servo_levels[i] > 0.0) {
-            double heading = 0.0;
-            for (j = 0; j < SERVO_TRACKED; j++)
-                heading += servo_headings[i * SERVO_TRACKED + j] * s->plan[6][j];
-            friction = servo_levels[i] * servo_within(heading / servo_widths[i], 1.0);
-        }
+        for (j = 0; j < SERVO_TRACKED; j++)
+            part += servo_onsets[i * SERVO_TRACKED + j] * s->plan[6][j];
+        friction = servo_levels[i] * servo_within(part, 1.0);
         u[i] = servo_within(total + friction, servo_limits[i]);
         net[i] = u[i] - friction;
     }

@@ -52,10 +52,8 @@ class ServoGains:
         Samples of the two averages of the plan.
     levels : ndarray, (inputs,)
         Friction that is compensated while the plan moves; 0 for none.
-    headings : ndarray, (inputs, tracked)
-        Planned speed against each friction, from the differences of planned set-points.
-    widths : ndarray, (inputs,)
-        Planned speeds from which friction is compensated in full.
+    onsets : ndarray, (inputs, tracked)
+        Part of the level for a planned change of 1 a sample; no more than all of it counts.
     """
 
     inputs: tuple[str, ...]
@@ -77,8 +75,7 @@ class ServoGains:
     slopes: FloatArray
     windows: NDArray[np.int64]
     levels: FloatArray
-    headings: FloatArray
-    widths: FloatArray
+    onsets: FloatArray
 
 
 class Law(NamedTuple):
@@ -96,8 +93,7 @@ class Law(NamedTuple):
     slopes: FloatArray
     limits: FloatArray
     levels: FloatArray
-    headings: FloatArray
-    widths: FloatArray
+    onsets: FloatArray
     places: NDArray[np.int64]
 
 
@@ -320,10 +316,9 @@ def _unpacked(
     slopes, end = _part(packed, end, (tracked,))
     limits, end = _part(packed, end, (inputs,))
     levels, end = _part(packed, end, (inputs,))
-    headings, end = _part(packed, end, (inputs, tracked))
-    widths, end = _part(packed, end, (inputs,))
+    onsets, end = _part(packed, end, (inputs, tracked))
     gains = (A, B, C, feedback, correction, deviation, planning, forward, rest, slopes, limits)
-    law = Law(*gains, levels, headings, widths, places)
+    law = Law(*gains, levels, onsets, places)
     state, end = _part(packed, end, (2, n))
     plan, end = _part(packed, end, (PLAN_ROWS, tracked))
     long_window, end = _part(packed, end, (long, tracked))
@@ -374,12 +369,10 @@ def _plan(law: Law, memory: Memory, r: FloatArray) -> None:
 @compiled
 def _friction(law: Law, memory: Memory, i: int) -> float:
     """Return the friction of an input that the planned motion meets."""
-    if law.levels[i] <= 0.0:
-        return 0.0
-    heading = 0.0
+    part = 0.0
     for j in range(memory.plan.shape[1]):
-        heading += law.headings[i, j] * memory.plan[6, j]
-    return float(law.levels[i] * min(max(heading / law.widths[i], -1.0), 1.0))
+        part += law.onsets[i, j] * memory.plan[6, j]
+    return float(law.levels[i] * min(max(part, -1.0), 1.0))
 
 
 @compiled

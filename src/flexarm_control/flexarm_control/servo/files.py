@@ -40,8 +40,7 @@ _ARRAYS = {
     "slopes": ("tracked",),
     "windows": ("means",),
     "levels": ("inputs",),
-    "headings": ("inputs", "tracked"),
-    "widths": ("inputs",),
+    "onsets": ("inputs", "tracked"),
 }
 # They may be infinite: without limits.
 _UNBOUNDED = ("limits", "slopes")

@@ -339,6 +339,7 @@ def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray
     plan = plan_for(regulator, limits, levels)
     headings = _headings(regulator, speed, plan.windows)
     moves = np.abs(headings) @ np.abs(steps) / plan.windows[0]
+    widths = _widths(regulator, speed, levels, moves)
     rest = np.zeros((states, len(regulator.tracked)))
     rest[:order] = regulator.rest
     return ServoGains(
@@ -361,8 +362,7 @@ def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray
         slopes=plan.slopes,
         windows=np.array(plan.windows, dtype=np.int64),
         levels=levels,
-        headings=headings,
-        widths=_widths(regulator, speed, levels, moves),
+        onsets=headings / widths[:, np.newaxis],
     )
 
 
