@@ -85,11 +85,7 @@ class GuidedError(ModalParameters):
                 self._pair[list(group)] = group[::-1]
         self._least = _LEAST * levels
         self._size = self.n * (2 + self.r + self.m)
-        # A joint at rest has a position and no speed.
-        first = self._size + 4 * self.r
-        self._standing = [
-            first + given * self.n + place for given in range(self.r) for place, _ in self._rigid
-        ]
+        self._standing: list[int] = []
         self._drives = drives
 
     def start(self, x0: FloatArray, levels: FloatArray) -> FloatArray:
@@ -105,7 +101,6 @@ class GuidedError(ModalParameters):
         for drive in self._drives:
             given, output = drive_columns(self.record, drive)
             speed[given] = C[output] if drive.is_speed else C[output] @ rates
-        speed[:, [place for place, _ in self._rigid]] = 0.0
         ones = np.ones(self.r)
         law = [levels, _REST * ones, _GIVE * ones, 0.0 * ones]
         return np.concatenate([theta, *law, speed.ravel()])
@@ -179,6 +174,20 @@ class GuidedError(ModalParameters):
         ]
         changed[free] = 0.0
         self._integrators = single + free
+        return changed
+
+    def stand(self, theta: FloatArray) -> FloatArray:
+        """Return parameters by which a joint at rest has no speed, and stays so.
+
+        The way to them is easier with a map that may take a part of the position.
+        """
+        first = self._size + 4 * self.r
+        places = [place for place, _ in self._rigid]
+        self._standing = [
+            first + given * self.n + place for given in range(self.r) for place in places
+        ]
+        changed = theta.copy()
+        changed[self._standing] = 0.0
         return changed
 
     def guide(self, theta: FloatArray, part: float) -> None:

@@ -138,7 +138,7 @@ def fit_joints(
     best = min(tried, key=lambda found: found.cost)
     problem, theta = best.problem, best.minimum.theta
     problem.record = record
-    found = problem.free_minimum(theta)
+    found = problem.free_minimum(problem.stand(theta))
     if not np.isfinite(found.cost):
         return None
     rest = slice(len(leading), None)
