@@ -20,11 +20,11 @@ from flexarm_control.servo.robustness import (
     choose_bandwidth,
     slowest_vibration_hz,
 )
-from flexarm_control.servo.set_point import Plan, plan_for, planned, with_differences
+from flexarm_control.servo.set_point import plan_for, planned_speeds
 from flexarm_control.servo.twin import TWINS, Twin, perturbed, step_results, step_run
 from flexarm_core.errors import SettingError, nearest
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.models.state_space import simulate, state_space
+from flexarm_ident.models.state_space import state_space
 from flexarm_ident.provenance import signal_fields
 
 if TYPE_CHECKING:
@@ -337,7 +337,7 @@ def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray
     # A joint at rest has no speed, and an identified map takes a part of the position for it.
     speed -= speed @ regulator.rest @ plant.C[list(regulator.tracked)]
     plan = plan_for(regulator, limits, levels)
-    headings = _headings(regulator, speed, plan.windows)
+    headings = planned_speeds(regulator, plan.windows, speed)
     moves = np.abs(headings) @ np.abs(steps) / plan.windows[0]
     widths = _widths(regulator, speed, levels, moves)
     rest = np.zeros((states, len(regulator.tracked)))
@@ -364,23 +364,6 @@ def _gains(choice: Choice, source: Source, limits: FloatArray, steps: FloatArray
         levels=levels,
         onsets=headings / widths[:, np.newaxis],
     )
-
-
-def _headings(regulator: Regulator, speed: FloatArray, windows: tuple[int, int]) -> FloatArray:
-    """Return the speeds against friction for a planned change of 1 a sample, (inputs, tracked).
-
-    They are those that fit planned steps best.
-    """
-    following, count = regulator.following, len(regulator.tracked)
-    speeds = state_space(following.A, following.B, speed, 0.0, float(following.dt))
-    at_once = Plan(np.full(count, np.inf), windows)
-    headings = np.empty((len(speed), count))
-    for j, one in enumerate(np.eye(count)):
-        moves = planned(at_once, np.tile(one, (sum(windows), 1)), np.zeros(count))
-        given = with_differences(moves)
-        change = given[:, count + j]
-        headings[:, j] = change @ simulate(speeds, given) / (change @ change)
-    return headings
 
 
 def _widths(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.models.state_space import simulate
+from flexarm_ident.models.state_space import simulate, state_space
 
 if TYPE_CHECKING:
     import control
@@ -79,6 +79,33 @@ def planned(plan: Plan, wanted: FloatArray, start: FloatArray) -> FloatArray:
     return moved
 
 
+def planned_speeds(found: Regulator, windows: tuple[int, int], speed: FloatArray) -> FloatArray:
+    """Return what a planned change of 1 in a sample adds to speeds of the plant.
+
+    Parameters
+    ----------
+    found : Regulator
+        The servo.
+    windows : tuple of int
+        Those of the plan.
+    speed : ndarray, (speeds, states)
+        Map from the state of the plant to the speeds.
+
+    Returns
+    -------
+    ndarray, (speeds, tracked)
+        The factors that fit planned steps best.
+    """
+    following, tracked = found.following, len(found.tracked)
+    speeds = state_space(following.A, following.B, speed, 0.0, float(following.dt))
+    factors = np.empty((len(speed), tracked))
+    for column, one in enumerate(np.eye(tracked)):
+        plan, answer = _unlimited(speeds, windows, np.tile(one, (sum(windows), 1)))
+        change = with_differences(plan)[:, tracked + column]
+        factors[:, column] = change @ answer / (change @ change)
+    return factors
+
+
 def _windows(found: Regulator) -> tuple[int, int]:
     """Return windows of the bandwidth, the longer one whole periods of the slowest vibration."""
     dt_s = float(found.plant.dt)
@@ -108,11 +135,19 @@ def _ramp_efforts(
     slowest = np.max(np.abs(np.linalg.eigvals(following.A)))
     settled = sum(windows) + int(min(_LONGEST, 5.0 / max(1.0 - slowest, 1e-9)))
     efforts = np.empty((found.plant.ninputs, tracked))
-    free = Plan(np.full(tracked, np.inf), windows)
     held = found.forward[0] - found.planning[:, : found.plant.nstates] @ found.rest
-    for column in range(tracked):
-        ramp = np.outer(np.arange(1.0, settled + 1.0), np.eye(tracked)[column])
-        plan = planned(free, ramp, np.zeros(tracked))
-        u = simulate(following, with_differences(plan)) - plan @ held.T
+    for column, one in enumerate(np.eye(tracked)):
+        ramp = np.outer(np.arange(1.0, settled + 1.0), one)
+        plan, answer = _unlimited(following, windows, ramp)
+        u = answer - plan @ held.T
         efforts[:, column] = np.maximum(u.max(axis=0), 0.0) - np.minimum(u.min(axis=0), 0.0)
     return efforts
+
+
+def _unlimited(
+    model: control.StateSpace, windows: tuple[int, int], wanted: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return a plan of any slope, (samples, tracked), and what a model answers to it."""
+    tracked = wanted.shape[1]
+    plan = planned(Plan(np.full(tracked, np.inf), windows), wanted, np.zeros(tracked))
+    return plan, simulate(model, with_differences(plan))
