@@ -181,14 +181,11 @@ class GuidedError(ModalParameters):
 
         The way to them is easier with a map that may take a part of the position.
         """
-        first = self._size + 4 * self.r
-        places = [place for place, _ in self._rigid]
-        self._standing = [
-            first + given * self.n + place for given in range(self.r) for place in places
-        ]
-        changed = theta.copy()
-        changed[self._standing] = 0.0
-        return changed
+        marked = np.zeros_like(theta)
+        _, speed = self.friction(marked)
+        speed[:, [place for place, _ in self._rigid]] = 1.0
+        self._standing = np.flatnonzero(marked).tolist()
+        return np.where(marked, 0.0, theta)
 
     def guide(self, theta: FloatArray, part: float) -> None:
         """Take the gain for noise at the inputs, a part of their peaks; 0: none."""

@@ -5,8 +5,9 @@ friction it soon is somewhere else. It is therefore fitted by its prediction fir
 measured outputs with a steady Kalman gain. The noise that the gain expects at the inputs is lowered
 step by step, which lengthens the memory of the prediction, until it is none: then the prediction is
 the free simulation. All matrices, the levels of Coulomb, how the friction yields below them and the
-map to the joints' speeds are fitted together. Nothing asks which outputs are fast or slow, so that
-gyroscopes and accelerometers are outputs like others.
+map to the joints' speeds are fitted together; at last, the map has no speed for a joint at rest.
+Nothing asks which outputs are fast or slow, so that gyroscopes and accelerometers are outputs like
+others.
 
 Ljung, "System Identification", 2nd ed., Prentice Hall (1999), section 7.2, for prediction errors.
 """

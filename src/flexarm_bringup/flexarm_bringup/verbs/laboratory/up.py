@@ -198,8 +198,11 @@ def _run_graph(settings: _Settings) -> None:
     if bag:
         require_folder(bag.parent, "--bag")
     rig = rig_parameter(settings.rig)
-    daq = {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz}
-    daq["viewer"] = settings.viewer
+    daq = {
+        "payload_kg": settings.payload_kg,
+        "rate_hz": settings.rate_hz,
+        "viewer": settings.viewer,
+    }
     parameters = {
         "daq": daq | settings.pace.parameters() | rig,
         "controller": _controller(settings) | rig,
