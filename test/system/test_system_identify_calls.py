@@ -14,9 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from flexarm_core.errors import IdentificationError
 from flexarm_ident import ident_node
-from flexarm_ident.background import Cancelled
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.srv import Identify
 from support.system_graph import claim_domain, eventually
@@ -25,39 +23,35 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from flexarm_core.arrays import Progress
-
 pytestmark = pytest.mark.system
 
 
-class HangingJob:
-    """Job that reports a stage and hangs until it is let go; it notes how its next report ends."""
+JOB = """
+import signal, time
+from pathlib import Path
+from flexarm_core.computation import serve
+from flexarm_core.errors import IdentificationError
 
-    def __init__(self) -> None:
-        self.hangs = True
-        self.let_go = threading.Event()
-        self.reports: list[str] = []
+def hang(asked, report):
+    if Path("{mark}").exists():
+        raise IdentificationError("worked on")
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    report("Hankel matrices", 0.1)
+    time.sleep(1000.0)
 
-    def __call__(self, *_: object, progress: Progress, **__: object) -> None:
-        if not self.hangs:
-            raise IdentificationError("worked on")
-        progress("Hankel matrices", 0.1)
-        try:
-            self.let_go.wait(120.0)
-            progress("writing", 1.0)
-            self.reports.append("may write")
-        except Cancelled:
-            self.reports.append("cancelled")
-            raise
+serve(hang)
+"""
+"""Job that hangs, and hears no interrupt, until there is a file."""
 
 
 class Caller:
     """Node that calls the identification beside it, in the same executor."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.work = HangingJob()
-        monkeypatch.setattr(ident_node, "identify_bags", self.work)
-        monkeypatch.setattr(ident_node, "_STOP_S", 0.3)
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.mark = folder / "hangs_no_more"
+        (folder / "hanging_job.py").write_text(JOB.format(mark=self.mark))
+        monkeypatch.syspath_prepend(str(folder))
+        monkeypatch.setattr(ident_node, "_JOB", "hanging_job")
         self.ident = ident_node.IdentNode()
         self.node = rclpy.create_node("caller", namespace="/flexarm")
         self.service = self.node.create_client(Identify, "identify")
@@ -85,10 +79,9 @@ class Caller:
     def is_at_work(self) -> bool:
         """Return whether the job has come to where it hangs."""
         at_work = self.ident._at_work
-        return at_work is not None and at_work.job.stage == "Hankel matrices"
+        return at_work is not None and at_work.stage == "Hankel matrices"
 
     def close(self) -> None:
-        self.work.let_go.set()
         self._ended.set()
         self._thread.join()
         self.ident.stop()
@@ -115,7 +108,7 @@ def caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Caller]:
         domain_id=domain,
         signal_handler_options=SignalHandlerOptions.NO,
     )
-    made = Caller(monkeypatch)
+    made = Caller(tmp_path, monkeypatch)
     yield made
     made.close()
     rclpy.try_shutdown()
@@ -134,24 +127,17 @@ def test_hundred_calls_at_once___are_all_answered(caller: Caller) -> None:
     assert not at_work.done()
 
 
-def test_job_that_hangs___is_given_up_when_cancelled___and_can_write_nothing(
-    caller: Caller,
-) -> None:
+def test_job_that_hangs___ends_when_cancelled(caller: Caller) -> None:
     hanging = caller.begin()
     reported = answer_of(caller.canceller.call_async(Trigger.Request()))
     assert reported.success
     assert reported.message.startswith("cancelled: run1, Hankel matrices, ")
     answer = answer_of(hanging)
     assert not answer.success
-    assert answer.message.startswith(
-        "cancelled in Hankel matrices, which does not stop and is left behind"
-    )
+    assert answer.message == "cancelled in Hankel matrices: nothing was written"
 
-    caller.work.hangs = False
+    caller.mark.touch()
     assert answer_of(caller.identify()).message == "worked on"
-    caller.work.let_go.set()
-    eventually(lambda: bool(caller.work.reports), "the end of the old job")
-    assert caller.work.reports == ["cancelled"]
 
 
 def test_goal_that_hangs___is_cancelled(caller: Caller) -> None:
@@ -160,7 +146,7 @@ def test_goal_that_hangs___is_cancelled(caller: Caller) -> None:
     ended = handle.get_result_async()
     answer_of(handle.cancel_goal_async())
     assert answer_of(ended).status == GoalStatus.STATUS_CANCELED
-    assert "left behind" in answer_of(ended).result.message
+    assert "cancelled in Hankel" in answer_of(ended).result.message
 
 
 def test_cancel___with_nothing_at_work___says_so(caller: Caller) -> None:

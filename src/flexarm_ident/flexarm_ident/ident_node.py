@@ -2,10 +2,10 @@
 
 `identify` and the action `identify_bags` read the bags, and answer with the model as parameters;
 the action also reports its progress, and can be cancelled; `ident/cancel` ends either, and so does
-the last caller that leaves the graph. A job that does not stop at once is left behind and can write
-nothing any more. The node declares these parameters on
+the last caller that leaves the graph. The node declares these parameters on
 itself and writes a folder with `model.yaml`, ready for `--params-file`, and `report.html`. It works
-on one job at a time, beside the executor, which stays free for parameters and for cancelling.
+on one job at a time, in a process of its own: the executor stays free for parameters and for
+cancelling.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any, TypeAlias
 from urllib.parse import unquote, urlsplit
 
 from rclpy.action import ActionServer, CancelResponse
@@ -24,11 +24,11 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from flexarm_core.computation import CancelledError, Computation
 from flexarm_core.errors import FlexarmError, IdentificationError, one_line
 from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
-from flexarm_ident.background import Background, Cancelled
-from flexarm_ident.job import identify_bags, model_name
+from flexarm_ident.job import model_name
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.reading.channels import selection
 from flexarm_ident.workflow.request import Request
@@ -40,39 +40,34 @@ from flexarm_node.parameters import Parameters
 from flexarm_node.process import run as run_node
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from rclpy.action.server import ServerGoalHandle
     from rclpy.timer import Timer
 
-    from flexarm_core.arrays import Progress
-    from flexarm_ident.job import Results
-    from flexarm_ident.models.modes import Mode
-    from flexarm_ident.reading.channels import Selection
-
     Asked: TypeAlias = "Identify.Request | IdentifyBags.Goal"
     Answer: TypeAlias = "Identify.Response | IdentifyBags.Result"
 
-# A compiled function that takes longer must not keep a process that was told to stop.
-_STOP_S = 0.8
 _LOOK_S = 0.1
 _ACTION = "identify_bags"
 _SERVICE = "identify"
+_JOB = "flexarm_ident.answer"
 
 PARAMETERS = read_table("flexarm_ident", "ident")
 
 
-class _AtWork(NamedTuple):
+@dataclass
+class _AtWork:
     """Job at work; `goal` is None for a call of the service."""
 
-    job: Background[Results]
     name: str
     goal: ServerGoalHandle | None
     started_s: float
+    stage: str = "its beginning"
 
     def __str__(self) -> str:
-        return f"{self.name}, {self.job.stage}, {time.monotonic() - self.started_s:.0f} s so far"
+        return f"{self.name}, {self.stage}, {time.monotonic() - self.started_s:.0f} s so far"
 
 
 class IdentNode(Node):
@@ -82,7 +77,8 @@ class IdentNode(Node):
         super().__init__("ident", namespace="/flexarm")
         self._settings = Parameters(self, PARAMETERS, accept=_accept)
         self._at_work: _AtWork | None = None
-        self._news = Future()
+        self._computation = Computation(_JOB)
+        self._computation.start()
         self._stopping = threading.Event()
         # A call that is being worked on must not keep the next one, or the parameters, waiting.
         group = ReentrantCallbackGroup()
@@ -105,9 +101,7 @@ class IdentNode(Node):
     def stop(self) -> None:
         """Cancel the job, if there is one."""
         self._stopping.set()
-        if self._at_work is not None:
-            self._at_work.job.cancel()
-            self._at_work.job.join(_STOP_S)
+        self._computation.close()
         self._action.destroy()
 
     async def _on_identify(
@@ -129,7 +123,7 @@ class IdentNode(Node):
 
     def _on_cancelled_goal(self, goal: ServerGoalHandle) -> CancelResponse:
         if self._at_work is not None and self._at_work.goal is goal:
-            self._at_work.job.cancel()
+            self._computation.cancel()
         return CancelResponse.ACCEPT
 
     def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -137,7 +131,7 @@ class IdentNode(Node):
         response.success = self._at_work is not None
         response.message = "no identification is at work"
         if self._at_work is not None:
-            self._at_work.job.cancel()
+            self._computation.cancel()
             response.message = f"cancelled: {self._at_work}"
         return response
 
@@ -146,12 +140,11 @@ class IdentNode(Node):
     ) -> None:
         """Fill the answer: the model, or why there is none."""
         try:
-            started_s = time.monotonic()
-            results = await self._identified(asked, goal)
-            self._keep(results.parameters)
-            _fill(answer, results, time.monotonic() - started_s)
+            found = await self._identified(asked, goal)
+            self._keep(found["parameters"])
+            _fill(answer, found)
             self.get_logger().info(answer.message)
-        except Cancelled as stopped:
+        except CancelledError as stopped:
             answer.message = f"{stopped}: nothing was written"
             self.get_logger().info(answer.message)
         except (FlexarmError, OSError) as error:
@@ -161,42 +154,46 @@ class IdentNode(Node):
             answer.message = f"internal error, see the log of the node: {error!r}"
             self.get_logger().error(traceback.format_exc())
 
-    async def _identified(self, asked: Asked, goal: ServerGoalHandle | None) -> Results:
-        """Run the job in a thread; the executor is free meanwhile."""
+    async def _identified(self, asked: Asked, goal: ServerGoalHandle | None) -> Mapping[str, Any]:
+        """Compute the answer; the executor is free meanwhile."""
         if self._at_work is not None:
             raise IdentificationError(
                 f"busy with another identification ({self._at_work}); no call is queued: try again "
                 "when it is done"
             )
-        bags, executor = as_bags(asked.bag_uris), self.executor
-        work = self._work(bags, as_request(asked), as_channels(asked))
+        request, executor, answered = self._request(asked), self.executor, Future()
+        name = model_name(as_bags(asked.bag_uris)[0])
+        at_work = self._at_work = _AtWork(name, goal, time.monotonic())
 
-        def notify() -> None:
+        def report(stage: str, fraction: float | None, _: object = None, /) -> None:
+            at_work.stage = stage
+            if goal is not None:
+                goal.publish_feedback(IdentifyBags.Feedback(stage=stage, fraction=fraction))
+
+        def wait() -> None:
+            try:
+                answered.set_result(self._computation.answer(report))
+            except CancelledError:
+                answered.set_exception(CancelledError(f"cancelled in {at_work.stage}"))
+            except Exception as error:  # noqa: BLE001 - handed to the thread that asks
+                answered.set_exception(error)
             if not self._stopping.is_set():
-                self._news.set_result(None)
                 executor.wake()
 
-        job = Background(work, notify=notify, patience_s=_STOP_S)
-        self._at_work = _AtWork(job, model_name(bags[0]), goal, time.monotonic())
-        if goal is not None and goal.is_cancel_requested:
-            job.cancel()
-        watching = self._watched(job, has_goal=goal is not None)
+        watching = self._watched(has_goal=goal is not None)
         try:
-            while True:
-                # Made before looking: what comes after the look ends the wait.
-                self._news = news = Future()
-                ended = job.ended
-                for stage, fraction in job.progress():
-                    if goal is not None:
-                        goal.publish_feedback(IdentifyBags.Feedback(stage=stage, fraction=fraction))
-                if ended:
-                    return job.result()
-                await news
+            self._computation.begin(request)
+            if goal is not None and goal.is_cancel_requested:
+                self._computation.cancel()
+            # A stage may take long: it must not keep a process that was told to stop.
+            threading.Thread(target=wait, daemon=True, name="computation").start()
+            found: Mapping[str, Any] = await answered
+            return found
         finally:
             self.destroy_timer(watching)
             self._at_work = None
 
-    def _watched(self, job: Background[Results], *, has_goal: bool) -> Timer:
+    def _watched(self, *, has_goal: bool) -> Timer:
         """Cancel a job when the last one who may have asked for it has left the graph."""
         has_callers = False
 
@@ -208,28 +205,25 @@ class IdentNode(Node):
                 else self.count_clients(_SERVICE)
             )
             if has_callers and not callers:
-                job.cancel()
+                self._computation.cancel()
             # A call may come before its caller is discovered.
             has_callers = has_callers or callers > 0
 
         look()
         return self.create_timer(_LOOK_S, look)
 
-    def _work(
-        self, bags: Sequence[Path], request: Request, channels: Selection | None
-    ) -> Callable[[Progress], Results]:
-        """Return the work of a request with the settings of now."""
-        settings = self._settings.values()
+    def _request(self, asked: Asked) -> dict[str, Any]:
+        """Return the request of a call with the settings of now, see `answer.answered`."""
+        settings, bags = self._settings.values(), as_bags(asked.bag_uris)
         root = user_path(settings["output_folder"]).absolute()
-        folder, exports = root / model_name(bags[0]), parse_exports(settings["exports"])
-        force = settings["force"]
-        return lambda report: identify_bags(
-            *(bags, folder, request),
-            channels=channels,
-            exports=exports,
-            force=force,
-            progress=report,
-        )
+        return {
+            "bags": list(map(str, bags)),
+            "folder": str(root / model_name(bags[0])),
+            "request": asdict(as_request(asked)),
+            "channels": as_channels(asked),
+            "exports": parse_exports(settings["exports"]),
+            "force": settings["force"],
+        }
 
     def _keep(self, parameters: Mapping[str, Any]) -> None:
         known = []
@@ -264,8 +258,8 @@ def as_request(message: Asked) -> Request:
     return Request(**given)
 
 
-def as_channels(message: Asked) -> Selection | None:
-    """Convert the named signals of a service request or a goal; None when none is named.
+def as_channels(message: Asked) -> dict[str, Any] | None:
+    """Return the signals that a request or a goal names, as `selection` takes them; or None.
 
     Raises
     ------
@@ -273,11 +267,14 @@ def as_channels(message: Asked) -> Selection | None:
         When a name is invalid, or only inputs or outputs are named.
     """
     if message.inputs or message.outputs:
-        return selection(
-            *(message.inputs, message.outputs),
-            clock=message.clock or None,
-            interpolated=message.interpolated,
-        )
+        channels = {
+            "inputs": list(message.inputs),
+            "outputs": list(message.outputs),
+            "clock": message.clock or None,
+            "interpolated": message.interpolated,
+        }
+        selection(**channels)
+        return channels
     if message.clock or message.interpolated:
         raise IdentificationError("clock and interpolated belong to named inputs and outputs")
     return None
@@ -299,32 +296,16 @@ def _path(uri: str) -> Path:
         raise IdentificationError(f"{uri}: no URI of a bag: {error}") from error
 
 
-def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
+def _fill(answer: Answer, found: Mapping[str, Any]) -> None:
+    fields_of = dict(found)
     answer.parameters = [
-        Parameter(key, value=value).to_parameter_msg() for key, value in results.parameters.items()
+        Parameter(key, value=value).to_parameter_msg()
+        for key, value in fields_of.pop("parameters").items()
     ]
-    answer.warnings = list(results.outcome.warnings)
-    answer.modes = [_summary(mode) for mode in results.outcome.modes]
-    answer.dmv = list(results.dmv)
-    answer.sfv = list(results.sfv)
-    answer.left_out = list(results.left_out)
-    answer.report_path = str(results.folder)
+    answer.modes = [ModeSummary(**mode) for mode in fields_of.pop("modes")]
+    for name, value in fields_of.items():
+        setattr(answer, name, value)
     answer.success = True
-    answer.message = results.text(elapsed_s)
-
-
-def _summary(mode: Mode) -> ModeSummary:
-    return ModeSummary(
-        eigenvalue_real=mode.eigenvalue.real,
-        eigenvalue_imaginary=abs(mode.eigenvalue.imag),
-        frequency_hz=mode.frequency_hz,
-        damping_ratio=mode.damping_ratio,
-        msv=mode.msv,
-        mrm=mode.mrm,
-        msv_rank=mode.msv_rank,
-        mrm_rank=mode.mrm_rank,
-        kept=mode.kept,
-    )
 
 
 def main() -> int:

@@ -64,22 +64,31 @@ _ENDS = {
     "validation": 0.92,
     "writing": 1.0,
 }
+_SMALLEST_PART = 0.01
 _STARTS = dict(zip(_ENDS, (0.0, *_ENDS.values()), strict=False))
 
 
 def whole(progress: Progress) -> Progress:
-    """Return a callback for stages that reports the completed part of the whole, never falling.
+    """Return a callback for stages that reports the part of the whole that is done.
 
-    A stage of unknown share leaves the part unchanged.
+    It reports news alone: a stage that begins, or another per cent. Nothing goes back: the part
+    never falls, and a stage that was left is not named again. One of unknown share leaves the part
+    unchanged.
     """
-    done = 0.0
+    stages = [""]
+    done = reported = 0.0
 
     def report(stage: str, fraction: float) -> None:
-        nonlocal done
+        nonlocal done, reported
         if stage in _ENDS:
             start, end = _STARTS[stage], _ENDS[stage]
             done = max(done, start + (end - start) * min(max(fraction, 0.0), 1.0))
-        progress(stage, done)
+        is_new = stage not in stages
+        if is_new:
+            stages.append(stage)
+        if is_new or done >= min(reported + _SMALLEST_PART, 1.0) > reported:
+            reported = done
+            progress(stages[-1], done)
 
     return report
 

@@ -14,21 +14,21 @@ from flexarm_control.laws.registry import LAWS
 from flexarm_control.loop_setup import TOPIC
 from flexarm_core.channels import is_thesis_arm
 from flexarm_core.clock import Patience
+from flexarm_core.computation import Computation
 from flexarm_core.errors import FlexarmError, nearest, one_line
 from flexarm_daq.experiments.catalogue import experiment, on_rig
 from flexarm_live.graph.situation import EXPERIMENT
 from flexarm_live.graph.store import COMPARISON_FILE
-from flexarm_live.work.process import Computation
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
+    from flexarm_core.computation import Report
     from flexarm_core.rig_description import RigDescription
     from flexarm_daq.experiments.catalogue import Experiment
     from flexarm_live.graph.loop_nodes import LoopNodes
     from flexarm_live.graph.store import Store
     from flexarm_live.serving.laboratory import Answer
-    from flexarm_live.work.process import Report
 
     Send = Callable[[Mapping[str, Any]], None]
     Work = Callable[[Report], Awaitable[Mapping[str, Any]]]
@@ -268,7 +268,7 @@ class Chain:
             about = {"bag": bag, "report": f"/report/{bag}", "command": command}
             job = {"bag": str(path), "folder": str(folder), "request": request, "about": about}
             job["signals"] = signals
-            found = await self._identifying.run(job, report)
+            found = await computed(self._identifying, job, report)
             return {**found, "models": self._store.models()}
 
         return work
@@ -290,7 +290,7 @@ class Chain:
         command = compare_line([path, *others], page, request, signals)
 
         async def work(report: Report) -> Mapping[str, Any]:
-            await self._identifying.run(job, report)
+            await computed(self._identifying, job, report)
             return {"comparison": f"/report/{bag}/comparison", "command": command}
 
         return work
@@ -304,7 +304,7 @@ class Chain:
 
         async def work(report: Report) -> Mapping[str, Any]:
             asked = {"law": law, "models": files, "margins": dict(margins), "before": before}
-            found = await self._tuning.run(asked, report)
+            found = await computed(self._tuning, asked, report)
             return {**found, "command": command}
 
         return work
@@ -321,6 +321,26 @@ class Chain:
             each if each.startswith(_NOMINAL) else shown(self._store.model_file(each))
             for each in models
         ]
+
+
+async def computed(
+    computation: Computation, request: Mapping[str, Any], report: Report
+) -> Mapping[str, Any]:
+    """Return the result of a computation; it is cancelled with the task that waits for it."""
+    loop = asyncio.get_running_loop()
+
+    def tell(stage: str, fraction: float | None, found: Mapping[str, Any] | None = None, /) -> None:
+        loop.call_soon_threadsafe(report, stage, fraction, found)
+
+    computation.begin(request)
+    answer = asyncio.ensure_future(asyncio.to_thread(computation.answer, tell))
+    try:
+        return await asyncio.shield(answer)
+    except asyncio.CancelledError:
+        computation.cancel()
+        await asyncio.wait({answer})
+        answer.exception()
+        raise
 
 
 def _taken_signals(asked: dict[str, Any]) -> dict[str, list[str]]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm_core.computation import serve
+from flexarm_ident.answer import request_of
 from flexarm_ident.diagnostics.stabilisation import Criteria
 from flexarm_ident.estimation.physical_modes import standing_of
 from flexarm_ident.importing.csv_columns import TableColumns
@@ -16,17 +18,16 @@ from flexarm_ident.job import identify_bags, read_record
 from flexarm_ident.reading.channels import selection
 from flexarm_ident.series.comparison import compare_files
 from flexarm_ident.workflow.request import Request
-from flexarm_live.work.process import serve
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from flexarm_core.computation import Report
     from flexarm_ident.estimation.physical_modes import JudgedMode
     from flexarm_ident.job import Chosen
     from flexarm_ident.models.modes import Mode
     from flexarm_ident.records.source import Source
     from flexarm_ident.workflow.outcome import Outcome
-    from flexarm_live.work.process import Report
 
 _POINTS = 4000
 _FREQUENCIES = 1000
@@ -46,7 +47,7 @@ def identified(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
     identify_bags(
         [Path(asked["bag"])],
         Path(asked["folder"]),
-        _request(asked),
+        request_of(asked["request"]),
         read=lambda bag, *_: _record(bag, bag.stat().st_mtime_ns, **signals),
         found=show,
         progress=report,
@@ -60,16 +61,11 @@ def compared(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
     compare_files(
         [bag, *map(Path, asked["others"])],
         Path(asked["page"]),
-        _request(asked),
+        request_of(asked["request"]),
         channels=_channels(bag, **_signals(asked)),
         progress=report,
     )
     return {}
-
-
-def _request(asked: Mapping[str, Any]) -> Request:
-    known_modes_hz = tuple(asked["request"].get("known_modes_hz", ()))
-    return Request(**asked["request"] | {"known_modes_hz": known_modes_hz})
 
 
 def _signals(asked: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:

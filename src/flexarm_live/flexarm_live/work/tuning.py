@@ -13,9 +13,9 @@ from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.arm_model import MIDDLE_STRAIN, POSITION, SPEED
+from flexarm_core.computation import serve
 from flexarm_core.errors import SettingError
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_live.work.process import serve
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from flexarm_control.design.margins import Margins
     from flexarm_core.arrays import FloatArray
-    from flexarm_live.work.process import Report
+    from flexarm_core.computation import Report
 
 _FREQUENCIES = 400
 _LOWEST_HZ = 0.05

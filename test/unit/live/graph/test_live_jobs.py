@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from flexarm_live.work.process import Report
+    from flexarm_core.computation import Report
 
 PATIENCE_S = 120.0
 

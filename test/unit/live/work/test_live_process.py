@@ -1,17 +1,16 @@
-"""Computations in their process: kept, interrupted, and ended."""
+"""Computations for a page: refused, cancelled with the task that waits, and ended."""
 
 from __future__ import annotations
 
 import asyncio
-import os
 import shutil
-import signal
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from flexarm_core.computation import Computation
 from flexarm_core.errors import FlexarmError
-from flexarm_live.work.process import Computation
+from flexarm_live.graph.chain import computed
 from support.project import BAGS
 
 if TYPE_CHECKING:
@@ -19,32 +18,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PATIENCE_S = 600.0
-SLOW = """
-import os, signal, time
-from flexarm_live.work.process import serve
-
-NO_SIGNALS: dict[str, list[str]] = {"inputs": [], "outputs": [], "times": []}
-
-
-def compute(asked, report):
-    if asked.get("deaf"):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    report("at work", 0.5, {"process": os.getpid()})
-    for _ in range(asked["tenths"]):
-        time.sleep(0.1)
-    if asked["tenths"] < 0:
-        os._exit(3)
-    return {"process": os.getpid()}
-
-serve(compute)
-"""
-
-
-@pytest.fixture
-def slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Computation:
-    (tmp_path / "slow_work.py").write_text(SLOW)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    return Computation("slow_work")
 
 
 def run(work: Coroutine[Any, Any, None]) -> None:
@@ -55,56 +28,6 @@ def unheard(*_: object) -> None:
     """Take a report and do nothing."""
 
 
-def test_computation___kept_and_cancelled___answers_in_the_same_process(slow: Computation) -> None:
-    async def work() -> None:
-        first = await slow.run({"tenths": 0}, unheard)
-        heard = asyncio.Event()
-
-        def hear(stage: str, fraction: float | None, found: object = None) -> None:
-            assert (stage, fraction, found) == ("at work", 0.5, first)
-            heard.set()
-
-        endless = asyncio.create_task(slow.run({"tenths": 10_000}, hear))
-        await heard.wait()
-        endless.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await endless
-        assert await slow.run({"tenths": 0}, unheard) == first
-        # An interrupt that comes behind the result finds nothing to end.
-        os.kill(first["process"], signal.SIGINT)
-        assert await slow.run({"tenths": 0}, unheard) == first
-
-    run(work())
-
-
-def test_computation___that_does_not_hear_the_interrupt___is_left_for_another(
-    slow: Computation,
-) -> None:
-    async def work() -> None:
-        first = await slow.run({"tenths": 0}, unheard)
-        heard = asyncio.Event()
-        deaf = asyncio.create_task(
-            slow.run({"tenths": 10_000, "deaf": True}, lambda *_: heard.set())
-        )
-        await heard.wait()
-        deaf.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await deaf
-        assert await slow.run({"tenths": 0}, unheard) != first
-
-    run(work())
-
-
-def test_computation___that_dies___is_reported_and_begins_anew(slow: Computation) -> None:
-    async def work() -> None:
-        first = await slow.run({"tenths": 0}, unheard)
-        with pytest.raises(FlexarmError, match="ended without a result"):
-            await slow.run({"tenths": -1}, unheard)
-        assert await slow.run({"tenths": 0}, unheard) != first
-
-    run(work())
-
-
 def test_computation___of_a_request_that_cannot_be___is_refused_with_its_line() -> None:
     asked = {"law": "pd", "models": ["nominal:0"], "margins": {}, "before": {}}
 
@@ -112,7 +35,7 @@ def test_computation___of_a_request_that_cannot_be___is_refused_with_its_line() 
         tuning = Computation("flexarm_live.work.tuning")
         for _ in range(2):
             with pytest.raises(FlexarmError, match="law 'pd' is not tunable"):
-                await tuning.run(asked, unheard)
+                await computed(tuning, asked, unheard)
 
     run(work())
 
@@ -141,13 +64,15 @@ def test_identification___says_its_model_before_the_report___and_leaves_nothing_
                 models.append(model)
                 found.set()
 
-        replaced = asyncio.create_task(identifying.run(asked | {"request": {"order": 12}}, hear))
+        replaced = asyncio.create_task(
+            computed(identifying, asked | {"request": {"order": 12}}, hear)
+        )
         await found.wait()
         replaced.cancel()
         with pytest.raises(asyncio.CancelledError):
             await replaced
         assert leftovers() == []
-        result = await identifying.run(asked | {"request": {"order": 14}}, hear)
+        result = await computed(identifying, asked | {"request": {"order": 14}}, hear)
         assert result == models[1]
 
     run(work())
