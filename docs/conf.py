@@ -1,4 +1,4 @@
-"""Settings of the site that `flexarm docs` builds from these pages."""  # noqa: INP001 - a folder of pages
+"""Settings of the site that `flexarm docs` builds from these pages."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 `./flexarm docs` calls it where a page says so, and compares what it draws with the figure that the
 page shows.
-"""  # noqa: INP001 - a folder of pages
+"""
 
 from __future__ import annotations
 

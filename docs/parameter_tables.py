@@ -1,7 +1,7 @@
 """Tables of the page on parameters, from those that the nodes declare.
 
 `./flexarm exec python docs/parameter_tables.py` writes them anew.
-"""  # noqa: INP001 - a folder of pages
+"""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import click
 import pytest
 
+from docs.pages import plain_blocks, steps
 from flexarm_bringup.cli import main
-from flexarm_bringup.verbs.checkout.docs import plain_blocks, steps
 from support.import_graph import project_modules
 from support.project import PROJECT
 

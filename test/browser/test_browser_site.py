@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_bringup.verbs.checkout.docs import build_site
+from docs.pages import build_site
 from flexarm_core.outputs import is_replaceable
 from support.project import PROJECT
 

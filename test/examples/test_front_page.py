@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flexarm_bringup.verbs.checkout.docs import outdated
+from docs.pages import outdated
 from support.project import PROJECT
 
 pytestmark = pytest.mark.slow

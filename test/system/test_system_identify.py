@@ -64,6 +64,31 @@ def tenth_order(laboratory: Graph) -> Identify.Response:
     return reduced(laboratory, BAG, 10)
 
 
+# Before a model of another order takes the place of these files.
+def test_results___are_files_that_ros_reads_back(
+    laboratory: Graph, tenth_order: Identify.Response
+) -> None:
+    folder = Path(tenth_order.report_path)
+    parameters = answered(tenth_order)
+    assert "<html" in (folder / "report.html").read_text().lower()
+
+    node = rclpy.create_node(
+        "reader",
+        context=laboratory.context,
+        cli_args=ros_arguments({}, "--params-file", str(folder / "model.yaml")),
+        use_global_arguments=False,
+        automatically_declare_parameters_from_overrides=True,
+    )
+    try:
+        read = {
+            f"models.{key}": as_plain(value.value)
+            for key, value in node.get_parameters_by_prefix("models").items()
+        }
+    finally:
+        node.destroy_node()
+    assert read == parameters
+
+
 # The three known modes take six states: of eight, two are left for the motion of the hub.
 @pytest.mark.parametrize(("order", "largest_dmv"), first_of([(10, 0.45), (8, 0.6)]))
 def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
@@ -96,30 +121,6 @@ def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
     found_hz = np.array([mode.frequency_hz for mode in kept])
     for true_hz in natural_frequencies_hz(RigParameters())[:2]:
         assert np.min(np.abs(found_hz / true_hz - 1.0)) <= 0.08
-
-
-def test_results___are_files_that_ros_reads_back(
-    laboratory: Graph, tenth_order: Identify.Response
-) -> None:
-    folder = Path(tenth_order.report_path)
-    parameters = answered(tenth_order)
-    assert "<html" in (folder / "report.html").read_text().lower()
-
-    node = rclpy.create_node(
-        "reader",
-        context=laboratory.context,
-        cli_args=ros_arguments({}, "--params-file", str(folder / "model.yaml")),
-        use_global_arguments=False,
-        automatically_declare_parameters_from_overrides=True,
-    )
-    try:
-        read = {
-            f"models.{key}": as_plain(value.value)
-            for key, value in node.get_parameters_by_prefix("models").items()
-        }
-    finally:
-        node.destroy_node()
-    assert read == parameters
 
 
 def arm_bag(path: Path, samples: int, *, volts: float = 1.0, bad_row: int | None = None) -> Path:

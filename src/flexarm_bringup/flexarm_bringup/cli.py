@@ -55,7 +55,7 @@ GROUPS = {
     "Work on the checkout": {
         "reproduce": "checkout.handing_on:reproduce",
         "bench": "checkout.bench:bench",
-        "docs": "checkout.docs:docs",
+        "docs": "checkout.handing_on:docs",
         "test": "checkout.checks:test",
         "clean": "checkout.handing_on:clean",
     },

@@ -1,4 +1,4 @@
-"""Verbs that hand on to other programs: exec, ros2, reproduce and clean."""
+"""Verbs that hand on to other programs: exec, ros2, reproduce, docs and clean."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import shlex
 import shutil
 import sys
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,6 +14,9 @@ from flexarm_bringup.console.first_word import say_word
 from flexarm_bringup.console.verb_group import RUN_ON, examples
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.folder import checkout, environment
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 _REQUIREMENTS = "requirements/ros2cli.in"
 _THEIRS = "jazzy"
@@ -35,9 +39,20 @@ def execute(command: tuple[str, ...]) -> None:
 def reproduce(arguments: tuple[str, ...]) -> None:
     """Set tables and figures of the thesis beside our own."""
     root = checkout("programs of the reproduction")
-    command = [sys.executable, "-m", "reproduction", *arguments]
     say_word("reproduce")
-    # In place of this process: exit code, terminal and Ctrl-C are its own.
+    _become(root, "reproduction", arguments)
+
+
+@click.command(context_settings=RUN_ON, add_help_option=False)
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def docs(arguments: tuple[str, ...]) -> None:
+    """Build the pages as a site, and run what they show."""
+    _become(checkout("pages"), "docs.pages", arguments)
+
+
+def _become(root: Path, program: str, arguments: tuple[str, ...]) -> None:
+    """Run a program of the checkout in place of this process: exit code and Ctrl-C are its own."""
+    command = [sys.executable, "-m", program, *arguments]
     os.execve(sys.executable, command, environment(root))  # noqa: S606 - our own program
 
 

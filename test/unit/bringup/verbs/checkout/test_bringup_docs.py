@@ -13,9 +13,10 @@ from xml.etree import ElementTree as ET
 import pytest
 from click.testing import CliRunner
 
+from docs.pages import build_site
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.checks import DOCTEST
-from flexarm_bringup.verbs.checkout.docs import build_site, docs
+from flexarm_bringup.verbs.checkout.handing_on import docs
 from support.project import PROJECT
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexarm_bringup.verbs.checkout.docs import (
+from docs.pages import (
     Step,
     differences,
     drawn_alike,

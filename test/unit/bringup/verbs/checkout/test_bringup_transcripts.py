@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_bringup.verbs.checkout.docs import outdated
+from docs.pages import outdated
 
 if TYPE_CHECKING:
     from pathlib import Path

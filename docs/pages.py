@@ -1,4 +1,4 @@
-"""Verb docs: site of the pages that works offline, and a run of what they show.
+"""Program of the verb `docs`: site of the pages that works offline, and a run of what they show.
 
 A block of code with `$ COMMAND` lines is run as it stands; the lines below a command are its
 output, where the page may leave lines out. Comments of Markdown before a block say the rest:
@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.verb_group import FORCE, examples
+from flexarm_bringup.console.verb_group import FORCE, VerbGroup, examples
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.checks import EXAMPLES, passes
 from flexarm_bringup.verbs.checkout.folder import checkout
@@ -76,7 +76,12 @@ _RELATIVE = 0.01
 _RELATIVE_OF_COUNTS = 0.001
 
 
-@click.command()
+@click.group(cls=VerbGroup, context_settings={"help_option_names": ["-h", "--help"]})
+def main() -> None:
+    """Give this program the usage, error lines and exit codes of the command `flexarm`."""
+
+
+@main.command("docs")
 @click.argument("pages", nargs=-1, type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option(
     "-o",
@@ -423,3 +428,7 @@ def drawn_alike(first: str, second: str) -> bool:
     return words[0] == words[1] and all(
         abs(one - other) < _POINT for one, other in zip(*places, strict=True)
     )
+
+
+if __name__ == "__main__":
+    main(["docs", *sys.argv[1:]], prog_name="flexarm")

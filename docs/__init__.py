@@ -1,0 +1,1 @@
+"""Pages, and the programs that draw, run and build them."""
