@@ -24,7 +24,7 @@ from flexarm_ident.diagnostics.excitation import is_stopped, moves_seldom
 from flexarm_ident.records.data_warning import PLANT_CHANGED, Grade
 from flexarm_ident.records.naming import short_names
 from flexarm_ident.records.span import part_options, without
-from flexarm_ident.subspace.feedback import reaches_inputs
+from flexarm_ident.subspace.feedback import SIGNIFICANCE, reaches_inputs
 from flexarm_ident.subspace.gram import cut, segment_grams
 
 if TYPE_CHECKING:
@@ -45,8 +45,7 @@ _FEWEST_SEGMENTS = 8
 _ALIKE = 3.0
 # Cuts that are tried, as parts of the segments.
 _CUTS = (0.25, 0.375, 0.5, 0.625, 0.75)
-# One false alarm in a million records, and the smallest change of the error that matters.
-_SIGNIFICANCE = 1e-6
+# The smallest change of the error that matters.
 _SMALLEST_CHANGE = 0.1
 # Records differ more than the parts of one where friction or the drive bend a linear model.
 _SMALLEST_DIFFERENCE = 0.3
@@ -71,7 +70,7 @@ class _Change(NamedTuple):
     @property
     def is_certain(self) -> bool:
         """Whether it is not by chance, and large enough to matter."""
-        return self.p_value <= _SIGNIFICANCE and self.loss >= _SMALLEST_CHANGE
+        return self.p_value <= SIGNIFICANCE and self.loss >= _SMALLEST_CHANGE
 
 
 def changes(record: IoData) -> Iterator[DataWarning]:

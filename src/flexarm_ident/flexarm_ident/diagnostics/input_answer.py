@@ -18,9 +18,13 @@ import scipy
 
 from flexarm_ident.diagnostics.check import Check, each_record
 from flexarm_ident.diagnostics.excitation import moves_seldom
-from flexarm_ident.diagnostics.innovations import (
+from flexarm_ident.diagnostics.spectra import spectra
+from flexarm_ident.records.data_warning import Grade, Kind
+from flexarm_ident.records.iodata import IoData
+from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
+from flexarm_ident.subspace.feedback import SIGNIFICANCE, SMALLEST_REMAINDER, whitening
+from flexarm_ident.subspace.innovations import (
     MEMORY,
-    SMALLEST_INNOVATION,
     Innovations,
     centred,
     innovations_of,
@@ -28,11 +32,6 @@ from flexarm_ident.diagnostics.innovations import (
     remainder,
     shifted,
 )
-from flexarm_ident.diagnostics.spectra import spectra
-from flexarm_ident.records.data_warning import Grade, Kind
-from flexarm_ident.records.iodata import IoData
-from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
-from flexarm_ident.subspace.feedback import SIGNIFICANCE, whitening
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -86,7 +85,7 @@ def answer_defects(record: IoData) -> Iterator[DataWarning]:
             {"share": gain_share},
             channel=name,
         )
-    part = record.rows(longest(record))
+    part = record.rows(longest(record.y_usable))
     tame = replace(part, y=_without_extremes(part.y_measured))
     innovations = innovations_of(tame)
     if innovations is None:
@@ -104,7 +103,7 @@ def static_outputs(record: IoData) -> dict[str, float]:
     """
     if record.closed_loop:
         return {}
-    rows = longest(record)
+    rows = longest(record.y_usable)
     u, y = centred(record.u[rows]), centred(record.y[rows])
     if len(u) < 2 * _ANSWER_LAGS + _FEWEST // 10:
         return {}
@@ -134,7 +133,7 @@ def _delays(record: IoData, innovations: Innovations) -> Iterator[DataWarning]:
     if degrees == 0:
         return
     for name, u, fresh in zip(record.inputs, record.u.T, innovations.inputs.T, strict=True):
-        if fresh.std() <= SMALLEST_INNOVATION * u.std():
+        if fresh.std() <= SMALLEST_REMAINDER * u.std():
             continue
         share, evidence = _correlation(white, fresh)
         repeated = float(_correlation(fresh[:, np.newaxis] / fresh.std(), fresh).share.max())
@@ -167,7 +166,7 @@ def _unanswered(
     if len(innovations.outputs) < _FEWEST:
         return
     fresh = innovations.inputs[
-        :, innovations.inputs.std(axis=0) > SMALLEST_INNOVATION * record.u.std(axis=0)
+        :, innovations.inputs.std(axis=0) > SMALLEST_REMAINDER * record.u.std(axis=0)
     ]
     silent = [
         i

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.diagnostics.innovations import innovations_of
 from flexarm_ident.diagnostics.spectra import spectra
+from flexarm_ident.subspace.innovations import innovations_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -24,9 +24,8 @@ from flexarm_core.errors import DataError
 from flexarm_ident.reading.grid import ON_TIME, held, on_grid, place
 from flexarm_ident.reading.tracks import counted_periods
 from flexarm_ident.records.holes import LONGEST_FILLED
-from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
-from flexarm_ident.subspace.gram import stretches
-from flexarm_ident.subspace.inverse import truncated_inverse
+from flexarm_ident.subspace.feedback import SMALLEST_REMAINDER
+from flexarm_ident.subspace.innovations import MEMORY, centred, longest, remainder, shifted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,14 +42,10 @@ if TYPE_CHECKING:
 _REACH = 2.0
 # Part of a sender's messages that keep their distance from the rows.
 _MOST = 0.9
-# Rows of the past that tell a row.
-_MEMORY = 20
 # Rows for each coefficient of a prediction.
 _ROWS_PER_COEFFICIENT = 4
 # What makes a record e^10 times less likely is refuted.
 _CLEAR = 10.0
-# Power of errors, in units of an output's, that are rounding.
-_ROUNDING = 1e-10
 # A gap of more steps of a signal's own is not bridged.
 _LONGEST_GAP = LONGEST_FILLED + 1.5
 # Nodes of a spline that are closer, in steps of the signal, would make it swing.
@@ -150,24 +145,16 @@ def _is_refuted(ahead: float, moved: CommonRows, together: Sequence[int]) -> boo
 
 def _log_likelihood(u: FloatArray, y: FloatArray) -> float:
     """Return that of predicting each row from those before it; 0 for a record that is too short."""
-    longest = max(stretches(y), key=lambda each: each.stop - each.start, default=slice(0, 0))
-    part = slice(longest.start, min(longest.stop, longest.start + BACKGROUND_SAMPLES))
+    part = longest(y)
     channels = u.shape[1] + y.shape[1]
-    if part.stop - part.start < _MEMORY * (1 + _ROWS_PER_COEFFICIENT * channels):
+    if part.stop - part.start < MEMORY * (1 + _ROWS_PER_COEFFICIENT * channels):
         return 0.0
-    u, y = _unit(u[part]), _unit(y[part])
-    lags = range(1, _MEMORY + 1)
-    past = np.hstack([each[_MEMORY - lag : len(u) - lag] for each in (y, u) for lag in lags])
-    present = y[_MEMORY:]
-    errors = present - past @ truncated_inverse(past.T @ past).solve(past.T @ present)
-    covariance = errors.T @ errors / len(errors) + _ROUNDING * np.eye(y.shape[1])
+    u, y = centred(u[part]), centred(y[part])
+    errors = remainder(np.hstack([shifted(y, 1), shifted(u, 1)]), y[MEMORY:])
+    # Errors of less are rounding.
+    floor = SMALLEST_REMAINDER**2 * np.eye(y.shape[1])
+    covariance = errors.T @ errors / len(errors) + floor
     return -0.5 * len(errors) * float(np.linalg.slogdet(covariance)[1])
-
-
-def _unit(signals: FloatArray) -> FloatArray:
-    moved = signals - signals.mean(axis=0)
-    deviation = moved.std(axis=0)
-    return np.asarray(moved / np.where(deviation > 0.0, deviation, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

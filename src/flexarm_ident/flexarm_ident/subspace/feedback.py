@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 SIGNIFICANCE = 1e-6
 _STANDS_OUT = 1.5
 # A remainder below this part of a signal's RMS is rounding.
-_SMALLEST_REMAINDER = 1e-5
+SMALLEST_REMAINDER = 1e-5
 _DEPENDENT = 1e-9
 # Samples for the background at distant lags.
 BACKGROUND_SAMPLES = 2**14
@@ -162,7 +162,7 @@ def whitening(covariance: FloatArray) -> FloatArray:
     """Return uncorrelated combinations of unit variance, (signals, rank), without rounding's."""
     size = len(covariance)
     deviation = np.sqrt(np.diag(covariance).clip(min=0.0))
-    heard = np.flatnonzero(deviation > _SMALLEST_REMAINDER)
+    heard = np.flatnonzero(deviation > SMALLEST_REMAINDER)
     if len(heard) == 0:
         return np.zeros((size, 0))
     unit = np.outer(deviation[heard], deviation[heard])

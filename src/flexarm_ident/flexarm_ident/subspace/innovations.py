@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 MEMORY = 20
 """Samples of the past that tell a signal."""
-SMALLEST_INNOVATION = 1e-5
-"""Part of an input's RMS that is rounding: a smaller one is not an innovation."""
 _FEWEST = 500
 
 
@@ -38,7 +36,7 @@ class Innovations(NamedTuple):
 
 def innovations_of(record: IoData) -> Innovations | None:
     """Return the innovations in the longest stretch of a record; None for one that is too short."""
-    rows = longest(record)
+    rows = longest(record.y_usable)
     u, y = centred(record.u[rows]), centred(record.y[rows])
     if len(u) < _FEWEST:
         return None
@@ -48,9 +46,9 @@ def innovations_of(record: IoData) -> Innovations | None:
     return Innovations(later, remainder(past, y[MEMORY:]), remainder(given, u[MEMORY:]))
 
 
-def longest(record: IoData) -> slice:
+def longest(y: FloatArray) -> slice:
     """Return the rows of the longest stretch without a hole, at most as many as are looked at."""
-    rows = max(stretches(record.y_usable), key=lambda each: each.stop - each.start)
+    rows = max(stretches(y), key=lambda each: each.stop - each.start, default=slice(0, 0))
     return slice(rows.start, min(rows.stop, rows.start + BACKGROUND_SAMPLES))
 
 

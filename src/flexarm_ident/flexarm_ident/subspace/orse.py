@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.subspace.feedback import reaches_inputs
+from flexarm_ident.subspace.feedback import SMALLEST_REMAINDER, reaches_inputs
 from flexarm_ident.subspace.gram import equilibrated
 from flexarm_ident.subspace.inverse import truncated_inverse
 from flexarm_ident.subspace.subspace_protocol import SMALLEST_INNOVATION, StateMatrices, normalised
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.subspace.gram import BlockGram
 
-# An innovation below this part of an output's RMS is mostly rounding: no noise to weight by.
-_CLEAN = 1e-5
 # Noise power in one direction, in units of the one-step innovation's; less is rounding.
 _SMALLEST_NOISE = 1e-4
 
@@ -249,7 +247,7 @@ def _innovation_deviation(
 
 def _is_clean(deviation: FloatArray, products: FloatArray) -> bool:
     """Return whether the innovation of any output is mostly rounding."""
-    return bool(np.any(deviation < _CLEAN * _last_deviation(products, len(deviation))))
+    return bool(np.any(deviation < SMALLEST_REMAINDER * _last_deviation(products, len(deviation))))
 
 
 def _last_deviation(products: FloatArray, outputs: int) -> FloatArray:
