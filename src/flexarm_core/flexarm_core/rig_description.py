@@ -301,7 +301,7 @@ def load_rig(rig: str | Path) -> RigDescription:
 
     Raises
     ------
-    RigFileError
+    SectionError
         With file and line, where the description is wrong.
     SettingError
         If there is no such description.
@@ -333,7 +333,7 @@ def described(text: str, file: str = "rig.yaml") -> RigDescription:
 
     Raises
     ------
-    RigFileError
+    SectionError
         With file and line, where the description is wrong.
     """
     top = sections_of(text, file)

@@ -19,8 +19,8 @@ _ANY = -math.inf, math.inf
 _MERGE = "tag:yaml.org,2002:merge"
 
 
-class RigFileError(FlexarmError):
-    """A rig description that cannot be used; the text begins with ``FILE:LINE``."""
+class SectionError(FlexarmError):
+    """An entry of a file that cannot be used; the text begins with ``FILE:LINE``."""
 
 
 class Section:
@@ -39,7 +39,7 @@ class Section:
 
     Raises
     ------
-    RigFileError
+    SectionError
         From every method, with file and line, where an entry is not as it should be.
     """
 
@@ -74,8 +74,8 @@ class Section:
         return int((entry or self._node).start_mark.line) + 1
 
     def refuse(self, said: str, at: yaml.Node | str | None = None) -> NoReturn:
-        """Raise a `RigFileError` at an entry, or at the section itself."""
-        raise RigFileError(f"{self._file}:{self.line(at)}: {said}")
+        """Raise a `SectionError` at an entry, or at the section itself."""
+        raise SectionError(f"{self._file}:{self.line(at)}: {said}")
 
     def number(
         self,
@@ -137,7 +137,8 @@ class Section:
     def text(self, name: str, default: str | None = None) -> str:
         """Return a text that is not empty, but for the default."""
         value = self._value(name, default)
-        if not isinstance(value, str) or (name in self and not value.strip()):
+        value = value.strip() if isinstance(value, str) else value
+        if not isinstance(value, str) or (name in self and not value):
             quoted = f': write "{value}"' if isinstance(value, int | float) else ""
             self.refuse(f"{self._full(name)} = {shown(value)} must be a text{quoted}", name)
         if not value.isprintable():
@@ -187,6 +188,18 @@ class Section:
             entries._require_name(each)  # noqa: SLF001
         for each in entries._content:  # noqa: SLF001
             yield entries.section(each)
+
+    def listed(self, name: str) -> tuple[Section, ...]:
+        """Return the sections of a list, one or more."""
+        entries = self._value(name, None)
+        if not isinstance(entries, list) or not entries:
+            self.refuse(f"{self._full(name)} must be a list of mappings, at least one", name)
+        return tuple(
+            Section(self._file, node, each, f"{self._full(name)}[{number}]")
+            for number, (node, each) in enumerate(
+                zip(self._nodes[name][1].value, entries, strict=True)
+            )
+        )
 
     def _require_name(self, name: object) -> None:
         entry = str(name)
@@ -244,20 +257,22 @@ def _merged(node: yaml.MappingNode) -> Iterator[tuple[yaml.Node, yaml.Node]]:
                 yield from _merged(each)
 
 
-def sections_of(text: str, file: str) -> Section:
-    """Return the whole of a YAML text as a section.
+def sections_of(
+    text: str, file: str, *, remedy: str = "`flexarm rig new NAME` writes a template"
+) -> Section:
+    """Return the whole of a YAML text as a section; `remedy` is what to do about an empty one.
 
     Raises
     ------
-    RigFileError
+    SectionError
         Where it is not YAML, or not a mapping.
     """
     try:
         content = yaml_content(text)
     except YamlError as error:
         place = file if error.line is None else f"{file}:{error.line}"
-        raise RigFileError(f"{place}: {error.said}") from None
+        raise SectionError(f"{place}: {error.said}") from None
     node = yaml_node(text)
     if node is None:
-        raise RigFileError(f"{file}:1: is empty: `flexarm rig new NAME` writes a template")
+        raise SectionError(f"{file}:1: is empty: {remedy}")
     return Section(file, node, content)

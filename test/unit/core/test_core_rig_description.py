@@ -11,7 +11,7 @@ import pytest
 
 from flexarm_core.errors import SettingError
 from flexarm_core.rig_description import described, load_rig, packaged
-from flexarm_core.yaml_sections import RigFileError
+from flexarm_core.yaml_sections import SectionError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -198,7 +198,7 @@ def test_description___that_is_wrong___is_refused_with_its_line(
     said: str, change: tuple[str, str, int]
 ) -> None:
     before, after, line = change
-    with pytest.raises(RigFileError) as refused:
+    with pytest.raises(SectionError) as refused:
         described(changed(before, after), "arm.yaml")
     assert str(refused.value).startswith(f"arm.yaml:{line}: {said}")
     assert "\n" not in str(refused.value)
@@ -209,21 +209,21 @@ def test_description___that_is_wrong___is_refused_with_its_line(
 def test_description___without_signals___is_refused(section: str, nothing: str) -> None:
     rest = "name: lamp\nrate_hz: 100\ndriver: rig.py:Mine\n"
     other = {"inputs": "outputs: {a: {unit: x}}", "outputs": "inputs: {u: {unit: x, limits: 1}}"}
-    with pytest.raises(RigFileError, match=rf"^arm\.yaml:5: {section} are missing: an arm has at"):
+    with pytest.raises(SectionError, match=rf"^arm\.yaml:5: {section} are missing: an arm has at"):
         described(f"{rest}{other[section]}\n{section}:{nothing}\n", "arm.yaml")
 
 
 def test_two_joints___with_the_rate_of_one_output___are_refused() -> None:
     text = changed("travel: 90", "travel: 90, rate: elbow_rpm")
     with pytest.raises(
-        RigFileError, match=r"joints\.elbow\.rate = elbow_rpm is that of joint shou"
+        SectionError, match=r"joints\.elbow\.rate = elbow_rpm is that of joint shou"
     ):
         described(text)
 
 
 def test_input___named_as_a_compensation___is_refused_at_the_inputs() -> None:
     text = GOOD.replace("shoulder_a", "compensation_a")
-    with pytest.raises(RigFileError, match=r"^arm\.yaml:3: compensation_a: names with reference_"):
+    with pytest.raises(SectionError, match=r"^arm\.yaml:3: compensation_a: names with reference_"):
         described(text, "arm.yaml")
 
 
@@ -242,7 +242,7 @@ def test_sections___that_are_merged_from_an_anchor___are_read_as_if_they_stood_t
     outputs = {each.name: each for each in described(merged).outputs}
     assert outputs == {each.name: each for each in described(GOOD).outputs}
     with pytest.raises(
-        RigFileError, match=r"^arm\.yaml:11: outputs\.tip\.scale = 0 has no meaning"
+        SectionError, match=r"^arm\.yaml:11: outputs\.tip\.scale = 0 has no meaning"
     ):
         described(merged.replace("range: 5}", "range: 5, scale: 0}"), "arm.yaml")
 
@@ -279,7 +279,7 @@ def test_units___of_an_output_in_counts___are_counts_of_one() -> None:
 
 @pytest.mark.parametrize("text", ["", "# nothing\n", "3", "[1, 2]", "a: [", "name: *none", "\t"])
 def test_description___that_is_no_mapping___is_refused(text: str) -> None:
-    with pytest.raises(RigFileError, match=r"^arm\.yaml:[12]: "):
+    with pytest.raises(SectionError, match=r"^arm\.yaml:[12]: "):
         described(text, "arm.yaml")
 
 

@@ -6,22 +6,18 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flexarm_core.bounds import YamlError, read_text_bytes, shown, yaml_content
-from flexarm_core.errors import FlexarmError, reason
+from flexarm_core.bounds import read_text_bytes
+from flexarm_core.errors import SettingError, reason
 from flexarm_core.labels import TIME_UNITS_S, label_and_unit, named_twice, unit_ending
+from flexarm_core.yaml_sections import sections_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
-_KEYS = {"time", "time_unit", "rate_hz", "inputs", "outputs", "closed_loop", "description"}
-_CHANNEL_KEYS = {"column", "name", "unit"}
+    from flexarm_core.yaml_sections import Section
+
 # Stamps count nanoseconds, and their seconds end at 2**31.
 SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
-
-
-class CsvMapError(FlexarmError):
-    """Unusable map of a CSV import."""
 
 
 @dataclass(frozen=True)
@@ -103,95 +99,47 @@ def load_csv_map(path: Path) -> CsvMap:
 
     Raises
     ------
-    CsvMapError
-        If the file cannot be read or a key is missing, unknown or of the wrong kind.
+    SettingError
+        If the file cannot be read.
+    SectionError
+        With file and line, where an entry is wrong or missing.
     """
     try:
-        content = yaml_content(read_text_bytes(path).decode("utf-8"))
+        text = read_text_bytes(path).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise CsvMapError(f"{path}: cannot be read: {reason(error)}") from error
-    except YamlError as error:
-        raise CsvMapError(f"{path}: {error}") from error
-    if not isinstance(content, dict):
-        raise CsvMapError(f"{path}: expected the keys {', '.join(sorted(_KEYS))}")
-    _refuse_unknown(content, _KEYS, str(path))
-    if not content.keys() & {"time", "rate_hz"}:
-        raise CsvMapError(f"{path}: give time (a column), rate_hz, or both to resample")
+        raise SettingError(f"{path}: cannot be read: {reason(error)}") from error
+    top = sections_of(text, str(path), remedy="name inputs, outputs, and time or rate_hz")
+    if not ("time" in top or "rate_hz" in top):
+        top.refuse("give time (a column), rate_hz, or both to resample")
+    if "time_unit" in top and "time" not in top:
+        top.refuse("time_unit is that of a column: give time, too", "time_unit")
+    within = SLOWEST_HZ, FASTEST_HZ
     mapping = CsvMap(
-        inputs=_channels(content, "inputs", path),
-        outputs=_channels(content, "outputs", path),
-        time=_text(content, "time", path) if "time" in content else None,
-        time_unit=_time_unit(content, path) if "time_unit" in content else "",
-        rate_hz=_rate(content["rate_hz"], path) if "rate_hz" in content else None,
-        closed_loop=_flag(content.get("closed_loop", False), path),
-        description=_text(content, "description", path) if "description" in content else "",
+        inputs=_channels(top, "inputs"),
+        outputs=_channels(top, "outputs"),
+        time=top.text("time") if "time" in top else None,
+        time_unit=top.word("time_unit", TIME_UNITS_S) if "time_unit" in top else "",
+        rate_hz=top.number("rate_hz", within=within) if "rate_hz" in top else None,
+        closed_loop=top.flag("closed_loop"),
+        description=top.text("description", ""),
     )
+    top.end()
     if twice := named_twice(mapping.columns()):
-        raise CsvMapError(f"{path}: column {twice}: it is one of time, input and output")
+        top.refuse(f"column {twice}: it is one of time, input and output")
     return mapping
 
 
-def _refuse_unknown(content: Mapping[object, object], known: set[str], where: str) -> None:
-    unknown = sorted(str(key) for key in content if key not in known)
-    if unknown:
-        raise CsvMapError(f"{where}: unknown key {unknown[0]}; known: {', '.join(sorted(known))}")
-
-
-def _text(content: Mapping[str, object], key: str, where: object) -> str:
-    value = content[key]
-    if not isinstance(value, str) or not value.strip():
-        raise CsvMapError(f"{where}: {key} must be a text, not {shown(value)}")
-    return value.strip()
-
-
-def _rate(value: object, path: Path) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_rate(value):
-        raise CsvMapError(
-            f"{path}: rate_hz must be a number of {SLOWEST_HZ:g} to {FASTEST_HZ:g}, not "
-            f"{shown(value)}"
-        )
-    return float(value)
-
-
-def _time_unit(content: Mapping[str, object], path: Path) -> str:
-    unit = _text(content, "time_unit", path)
-    if unit not in TIME_UNITS_S or "time" not in content:
-        raise CsvMapError(
-            f"{path}: time_unit must be one of {', '.join(TIME_UNITS_S)}, beside time: {unit}"
-        )
-    return unit
+def _channels(top: Section, key: str) -> tuple[CsvChannel, ...]:
+    channels = []
+    for each in top.listed(key):
+        column = each.text("column")
+        channels.append(CsvChannel(column, each.text("name", column), each.text("unit", "")))
+        each.end()
+    if twice := named_twice(channel.name for channel in channels):
+        top.refuse(f"{key}: {twice}: give each channel a name of its own", key)
+    return tuple(channels)
 
 
 def is_rate(rate_hz: float) -> bool:
     """Return whether stamps can show a rate."""
     return SLOWEST_HZ <= rate_hz <= FASTEST_HZ
-
-
-def _flag(value: object, path: Path) -> bool:
-    if not isinstance(value, bool):
-        raise CsvMapError(f"{path}: closed_loop must be true or false, not {shown(value)}")
-    return value
-
-
-def _channels(content: Mapping[str, object], key: str, path: Path) -> tuple[CsvChannel, ...]:
-    entries = content.get(key)
-    if not isinstance(entries, list) or not entries:
-        raise CsvMapError(f"{path}: {key} must list at least one column")
-    channels = tuple(
-        _channel(entry, f"{path}: {key}[{index}]") for index, entry in enumerate(entries)
-    )
-    if twice := named_twice(channel.name for channel in channels):
-        raise CsvMapError(f"{path}: {key}: {twice}: give each channel a name of its own")
-    return channels
-
-
-def _channel(entry: object, where: str) -> CsvChannel:
-    if not isinstance(entry, dict) or "column" not in entry:
-        raise CsvMapError(f"{where} needs a column")
-    _refuse_unknown(entry, _CHANNEL_KEYS, where)
-    column = _text(entry, "column", where)
-    return CsvChannel(
-        column,
-        _text(entry, "name", where) if "name" in entry else column,
-        _text(entry, "unit", where) if "unit" in entry else "",
-    )
