@@ -155,6 +155,21 @@ class ServoRequest(NamedTuple):
     delay_s: float = 0.0
     law: str = "servo"
 
+    def tracked(self, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[int, ...]:
+        """Return the places of the tracked outputs, after a look at the names.
+
+        Raises
+        ------
+        SettingError
+            When an input or output is not among these, or fewer inputs than tracked outputs.
+        """
+        for name, limit in self.limits.items():
+            if name not in inputs:
+                raise SettingError(f"--limit {name}: no such input{nearest(name, inputs)}")
+            if not limit > 0.0:
+                raise SettingError(f"--limit {name}={limit:g}: must be above zero")
+        return tracked_outputs(inputs, outputs, self.track)
+
 
 @dataclass(frozen=True, eq=False)
 class ServoDesign:
@@ -223,7 +238,7 @@ def design_servo(sources: Sequence[Source], request: ServoRequest) -> ServoDesig
     """
     first = sources[0]
     _require_alike(sources)
-    tracked = tracked_outputs(first.model, request.track)
+    tracked = request.tracked(list(first.model.input_labels), list(first.model.output_labels))
     limits, notes = _limits(sources, request)
     moved = [with_rigid_motion(source, tracked) for source in sources]
     sources = [source for source, _ in moved]
@@ -293,11 +308,6 @@ def _require_alike(sources: Sequence[Source]) -> None:
 def _limits(sources: Sequence[Source], request: ServoRequest) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the largest commands, (inputs,), and notes on those that nobody said."""
     names = list(sources[0].model.input_labels)
-    for name, limit in request.limits.items():
-        if name not in names:
-            raise SettingError(f"--limit {name}: no such input{nearest(name, names)}")
-        if not limit > 0.0:
-            raise SettingError(f"--limit {name}={limit:g}: must be above zero")
     found, notes = np.full(len(names), np.inf), []
     measured = [each.signals for each in sources if "input_low" in each.signals]
     for i, name in enumerate(names):

@@ -153,28 +153,30 @@ class Regulator:
         return np.asarray(at_rest)
 
 
-def tracked_outputs(model: control.StateSpace, names: Sequence[str]) -> tuple[int, ...]:
+def tracked_outputs(
+    inputs: Sequence[str], outputs: Sequence[str], names: Sequence[str]
+) -> tuple[int, ...]:
     """Return the places of the outputs to be tracked.
 
     Raises
     ------
     SettingError
-        When the model has no such output, or fewer inputs than are to be tracked.
+        When there is no such output, or fewer inputs than are to be tracked.
     """
-    outputs = list(model.output_labels)
+    listed = ", ".join(outputs)
     for name in names:
         if name not in outputs:
             raise SettingError(
-                f"--track {name}: the model has no such output{nearest(name, outputs)}; "
-                f"its outputs: {', '.join(outputs)}"
+                f"--track {name}: there is no such output{nearest(name, outputs)}; "
+                f"the outputs: {listed}"
             )
     places = tuple(dict.fromkeys(outputs.index(name) for name in names))
     if not places:
-        raise SettingError(f"--track is missing: name one of the outputs {', '.join(outputs)}")
-    if len(places) > model.ninputs:
+        raise SettingError(f"--track is missing: name one of the outputs {listed}")
+    if len(places) > len(inputs):
         raise SettingError(
-            f"--track names {len(places)} outputs and the model has {model.ninputs} "
-            f"input{'s' * (model.ninputs != 1)} ({', '.join(model.input_labels)}): track as many "
+            f"--track names {len(places)} outputs, beside {len(inputs)} "
+            f"input{'s' * (len(inputs) != 1)} ({', '.join(inputs)}): track as many "
             "outputs as there are inputs at most"
         )
     return places

@@ -370,7 +370,7 @@ def test_design_servo___bandwidth_that_a_second_model_does_not_bear___is_refused
 
 def test_tracked_outputs___none___names_the_outputs() -> None:
     with pytest.raises(SettingError, match="hub, bend"):
-        tracked_outputs(bending_arm(), ())
+        tracked_outputs(["torque"], ["hub", "bend"], ())
 
 
 def test_loop_plant___feedthrough___becomes_a_state_of_the_input_in_force() -> None:

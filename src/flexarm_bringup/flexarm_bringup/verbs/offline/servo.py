@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_control.servo.job import ServoDesign, ServoRequest, Source
+    from flexarm_ident.records.source import Source as Record
 
 CONTROLLER_FILE, C_FILE = "controller.yaml", "controller.h"
 _SUMMARY_FILE, _REPORT_FILE = "summary.json", "report.html"
@@ -103,7 +104,7 @@ def run_servo(
 
     require_place([out / name for name in _FILES], force=force)
     request = _request(law, options)
-    sources = _sources(paths, out, options, force=force)
+    sources = _sources(paths, out, options, request, force=force)
     with terminal.busy(
         f"designing {request.law} on {len(sources)} model{'s' * (len(sources) != 1)}"
     ):
@@ -155,7 +156,12 @@ def _request(law: str, options: dict[str, Any]) -> ServoRequest:
 
 
 def _sources(
-    paths: Sequence[Path], out: Path, options: dict[str, Any], *, force: bool
+    paths: Sequence[Path],
+    out: Path,
+    options: dict[str, Any],
+    request: ServoRequest,
+    *,
+    force: bool,
 ) -> list[Source]:
     """Return the models, in the order of the paths; a record is identified."""
     for path in paths:
@@ -170,7 +176,7 @@ def _sources(
     part = taken_part(records, options)
     found: dict[Path, Source] = {path: _read(path) for path in paths if _is_model(path)}
     for path in records:
-        found[path] = _identified(path, out, part, force=force)
+        found[path] = _identified(path, out, part, request, force=force)
     return [found[path] for path in paths]
 
 
@@ -204,14 +210,24 @@ def _read(path: Path) -> Source:
     return Source(str(path), load_model(file), load_friction(file), facts=facts)
 
 
-def _identified(path: Path, out: Path, part: dict[str, Any], *, force: bool) -> Source:
+def _identified(
+    path: Path, out: Path, part: dict[str, Any], request: ServoRequest, *, force: bool
+) -> Source:
     from flexarm_control.servo.job import Source  # noqa: PLC0415 - not for the help
     from flexarm_ident import job  # noqa: PLC0415
     from flexarm_ident.workflow.request import Request  # noqa: PLC0415
 
+    def read(*which: Any) -> Record:  # noqa: ANN401 - as the job has it
+        record = job.read_record(*which)
+        # Before the minute that an identification takes.
+        request.tracked(record.inputs, record.outputs)
+        return record
+
     folder = out / _MODELS_FOLDER / job.model_name(path)
     with terminal.progress() as show:
-        results = job.identify_bags((path,), folder, Request(), **part, force=force, progress=show)
+        results = job.identify_bags(
+            (path,), folder, Request(), **part, force=force, read=read, progress=show
+        )
     outcome = results.outcome
     terminal.step(f"{path}: {outcome.verdict}")
     return Source(str(path), outcome.model, outcome.friction, outcome.records[0])

@@ -104,11 +104,23 @@ def test_design___wrong_words___are_reported_in_one_line(
     assert not (tmp_path / "out").exists()
 
 
-def _csv(folder: Path, header: str) -> Path:
+def _csv(folder: Path, header: str, rows: int = 5) -> Path:
     file = folder / "run.csv"
-    rows = np.column_stack([0.01 * np.arange(5), np.zeros((5, header.count(",")))])
-    np.savetxt(file, rows, delimiter=",", header=header, comments="")
+    table = np.column_stack([0.01 * np.arange(rows), np.zeros((rows, header.count(",")))])
+    np.savetxt(file, table, delimiter=",", header=header, comments="")
     return file
+
+
+def test_design___signal_that_a_record_lacks___is_refused_before_the_identification(
+    tmp_path: Path,
+) -> None:
+    file = _csv(tmp_path, "time,torque,hub,rate", rows=500)  # none of them moves: no model
+
+    for words, said in ((["--track", "hubb"], "hubb"), (["--track", "hub", "--limit", "t=1"], "t")):
+        done = CliRunner().invoke(design, [str(file), *words, "-o", str(tmp_path / "out")])
+
+        assert f"{said}: " in str(done.exception)
+        assert "no such" in str(done.exception)
 
 
 @pytest.mark.parametrize(
