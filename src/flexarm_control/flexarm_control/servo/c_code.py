@@ -81,9 +81,8 @@ static inline void servo_step(servo_controller *s, const double *y, const double
     servo_average(s->plan, 0, s->long_window, SERVO_LONG, &s->place[0]);
     servo_average(s->plan, 1, s->short_window, SERVO_SHORT, &s->place[1]);
     for (j = 0; j < SERVO_TRACKED; j++) {
-        s->plan[5][j] = s->plan[4][j];
-        s->plan[6][j] = s->plan[3][j] - s->plan[4][j];
-        s->plan[7][j] = s->plan[2][j] - 2.0 * s->plan[3][j] + s->plan[4][j];
+        s->plan[5][j] = s->plan[3][j] - s->plan[4][j];
+        s->plan[6][j] = s->plan[2][j] - 2.0 * s->plan[3][j] + s->plan[4][j];
     }
     for (i = 0; i < SERVO_STATES; i++) now[i] = s->state[0][i];
     for (k = 0; k < SERVO_OUTPUTS; k++) {
@@ -98,14 +97,14 @@ static inline void servo_step(servo_controller *s, const double *y, const double
         for (k = 0; k < 3; k++)
             for (j = 0; j < SERVO_TRACKED; j++)
                 wanted[i] += servo_forward[(k * SERVO_INPUTS + i) * SERVO_TRACKED + j]
-                             * s->plan[5 + k][j];
+                             * s->plan[4 + k][j];
         for (j = 0; j < SERVO_STATES; j++)
             wanted[i] -= servo_planning[i * SERVO_STATES + j] * s->state[1][j];
         total = wanted[i];
         for (j = 0; j < SERVO_STATES; j++)
             total -= servo_feedback[i * SERVO_STATES + j] * (now[j] - s->state[1][j]);
         for (j = 0; j < SERVO_TRACKED; j++)
-            part += servo_onsets[i * SERVO_TRACKED + j] * s->plan[6][j];
+            part += servo_onsets[i * SERVO_TRACKED + j] * s->plan[5][j];
         friction = servo_levels[i] * servo_within(part, 1.0);
         u[i] = servo_within(total + friction, servo_limits[i]);
         net[i] = u[i] - friction;

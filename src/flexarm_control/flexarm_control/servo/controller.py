@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray
 
-PLAN_ROWS = 8
-"""Slope, mean over one window, over both, that one twice late, and differences."""
+PLAN_ROWS = 7
+"""Slope, mean over one window, over both, that once and twice late, and two differences."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +268,7 @@ def advance(law: Law, memory: Memory, y: FloatArray, r: FloatArray, u: FloatArra
     for i in range(len(u)):
         for k in range(3):
             for j in range(len(r)):
-                wanted[i] += law.forward[k, i, j] * memory.plan[5 + k, j]
+                wanted[i] += law.forward[k, i, j] * memory.plan[4 + k, j]
         for j in range(len(now)):
             wanted[i] -= law.planning[i, j] * memory.state[1, j]
         total = wanted[i]
@@ -361,9 +361,8 @@ def _plan(law: Law, memory: Memory, r: FloatArray) -> None:
     _average(plan, 0, memory.long, memory.progress)
     _average(plan, 1, memory.short, memory.progress)
     for j in range(len(r)):
-        plan[5, j] = plan[4, j]
-        plan[6, j] = plan[3, j] - plan[4, j]
-        plan[7, j] = plan[2, j] - 2.0 * plan[3, j] + plan[4, j]
+        plan[5, j] = plan[3, j] - plan[4, j]
+        plan[6, j] = plan[2, j] - 2.0 * plan[3, j] + plan[4, j]
 
 
 @compiled
@@ -371,7 +370,7 @@ def _friction(law: Law, memory: Memory, i: int) -> float:
     """Return the friction of an input that the planned motion meets."""
     part = 0.0
     for j in range(memory.plan.shape[1]):
-        part += law.onsets[i, j] * memory.plan[6, j]
+        part += law.onsets[i, j] * memory.plan[5, j]
     return float(law.levels[i] * min(max(part, -1.0), 1.0))
 
 
