@@ -22,6 +22,8 @@ PACKAGES = {PACKAGE.name: PACKAGE, "bench": _ROOT / "bench"}
 HELP = {"-h", "--help"}
 HANDS_ON = ("RUN_ON", "ignore_unknown_options")
 """What a verb says that hands its words on to another program."""
+ALIKE = 0.65
+"""Similarity from which a word may be a misspelt one; `validate` is not `activate`."""
 
 
 def main() -> str:
@@ -97,7 +99,7 @@ def imported(file: Path, seen: set[Path]) -> set[Path]:
 
 def nearest(word: str, known: dict[str, str] | set[str]) -> str:
     """Return the nearest known word, for the end of a sentence."""
-    near = get_close_matches(word, known, n=1)
+    near = get_close_matches(word, known, n=1, cutoff=ALIKE)
     return f" (nearest: {near[0]})" if near else ""
 
 

@@ -139,6 +139,7 @@ def test_version___before_the_set_up___is_that_of_the_command(bare: Path) -> Non
     ("arguments", "said"),
     [
         ("idntify run1", "no verb idntify (nearest: identify): ./flexarm --help lists the verbs"),
+        ("validate run1", "no verb validate: ./flexarm --help lists the verbs"),
         ("--versoin", "no option --versoin: ./flexarm --help lists the verbs"),
         ("identify run1 --ordre 10", "identify has no option --ordre (nearest: --order)"),
         ("up --reel-time", "up has no option --reel-time (nearest: --real-time)"),

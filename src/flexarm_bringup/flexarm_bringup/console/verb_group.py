@@ -33,6 +33,8 @@ _VERBS = "flexarm_bringup.verbs"
 _FOLDER = Path(__file__).parents[1] / "verbs"
 _WORDS = f"{__name__}.words"
 """Words of a line that is being completed, in the context of click."""
+_ALIKE = 0.65
+"""Similarity from which a word may be a misspelt verb; `validate` is not `activate`."""
 
 RUN_ON = {"ignore_unknown_options": True, "allow_interspersed_args": False}
 """Settings of a verb that hands its arguments on."""
@@ -128,7 +130,7 @@ class LazyVerbGroup(VerbGroup):
         try:
             name, stand_in, rest = super().resolve_command(ctx, args)
         except click.UsageError as error:
-            for near in get_close_matches(args[0], self.places, n=1):
+            for near in get_close_matches(args[0], self.places, n=1, cutoff=_ALIKE):
                 raise click.UsageError(f"{error.message} Did you mean {near}?", ctx) from None
             raise
         return name, stand_in and self.load(str(stand_in.name)), rest
