@@ -135,7 +135,7 @@ def test_stop___of_another_arm___is_the_space_bar_and_is_released(
 ) -> None:
     opened(browser, two_joints)
     browser.press("Space")
-    browser.wait_for("document.getElementById('badge').dataset.state === 'STOPPED'")
+    browser.wait_for("document.getElementById('badge').dataset.state === 'HELD'")
     browser.click("#release")
     browser.wait_for("document.getElementById('badge').dataset.state === 'OFF'")
     browser.click("#activate")
@@ -217,7 +217,7 @@ def test_arm_of_one_joint___has_one_set_point_in_its_unit_and_stops(browser: Bro
         assert "joint" not in asked(mock, "reference")[0]
         assert browser.ask("document.querySelectorAll('#setpoints .slide').length") == 1
         browser.press("Space")
-        browser.wait_for("document.getElementById('badge').dataset.state === 'STOPPED'")
+        browser.wait_for("document.getElementById('badge').dataset.state === 'HELD'")
         browser.click("#release")
         browser.wait_for("document.getElementById('badge').dataset.state === 'OFF'")
 

@@ -153,7 +153,7 @@ def test_stop___by_the_keyboard___is_latched_until_released(
 ) -> None:
     opened(browser, mock)
     browser.press("Space")
-    browser.wait_for("document.getElementById('badge').dataset.state === 'STOPPED'")
+    browser.wait_for("document.getElementById('badge').dataset.state === 'HELD'")
     assert len(asked(mock, "stop")) == 1
     browser.ask("document.getElementById('release').focus()")
     browser.press("Enter")
@@ -181,7 +181,7 @@ def test_page___without_a_connection___has_no_control_and_a_stop_that_says_so(
     browser.open(mock.address)
     browser.wait_for("!document.getElementById('stop').disabled")
     assert browser.ask(USABLE) == 0
-    assert browser.ask("document.getElementById('badge_name').textContent") == "STALE"
+    assert browser.ask("document.getElementById('badge_name').textContent") == "UNKNOWN"
     browser.click("#stop")
     browser.wait_for(f"{MESSAGE} === '{NOT_SENT}'")
     assert asked(mock, "stop") == []

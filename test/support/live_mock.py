@@ -227,7 +227,7 @@ class LiveMock:
     _do_fault = _do_hold
 
     def _do_stop(self, _: dict[str, Any]) -> None:
-        self.badge, self.arm.driven = "STOPPED", False
+        self.badge, self.arm.driven = "HELD", False
 
     def _do_release(self, _: dict[str, Any]) -> None:
         self.badge = "OFF"
@@ -357,6 +357,7 @@ class LiveMock:
             "type": "state",
             "badge": self.badge,
             "reason": "",
+            "tone": "failure" if self.badge == "HELD" else "",
             "law": self.arm.law,
             "references": self.arm.references,
             "factor": 1.0,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.socket_client import NoAnswerError, socket_client, through
-from flexarm_bringup.watch.screen import GONE, History, Units
+from flexarm_bringup.watch.screen import History, Units
 from flexarm_core.errors import FlexarmError, one_line
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ class Follower:
                         self._news.clear()
                         self._send(arm, self._moved_v)
         except LaunchError as error:
-            self.state = {"badge": GONE, "reason": one_line(error)}
+            self.state = {"badge": "UNKNOWN", "reason": one_line(error), "tone": "failure"}
 
     def _send(self, arm: SocketClient, wanted_v: float) -> None:
         try:

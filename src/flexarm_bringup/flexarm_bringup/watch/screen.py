@@ -19,8 +19,6 @@ _BLANK = 0x2800
 # The bits of a character, by its column and from the top.
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 KEYS = "space STOP   r release   arrows set-point 1 deg, Shift 5, PgUp PgDn 10   q quit"
-GONE = "GONE"
-"""Badge of an arm that does not answer."""
 _HEAD_ROWS = 4
 _FOOT_ROWS = 2
 _TITLE_WIDTH = 11
@@ -35,7 +33,7 @@ _CLOCK_S = 1e-6
 
 
 class Piece(NamedTuple):
-    """Text at a place of the screen; its style is a badge's word, "strong", "weak" or empty."""
+    """Text at a place of the screen, in the style of a badge's tone or word, strong or weak."""
 
     row: int
     column: int
@@ -142,7 +140,7 @@ def screen(
 
 def _head(state: Mapping[str, Any]) -> Iterator[Piece]:
     badge = f" {state.get('badge') or '-'} "
-    yield Piece(0, 0, badge, state.get("badge", ""))
+    yield Piece(0, 0, badge, state.get("tone") or state.get("badge", ""))
     yield Piece(0, len(badge) + 1, state.get("reason") or "")
     yield Piece(1, 0, loop_words(state))
     times = [f"{kind} {_percentiles(state.get(f'{kind}_ms') or {})}" for kind in ("late", "reply")]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.watch.screen import GONE, plain_line, screen
+from flexarm_bringup.watch.screen import plain_line, screen
 
 if TYPE_CHECKING:
     from flexarm_bringup.watch.follower import Follower
@@ -33,10 +33,8 @@ _STEPS_DEG = {
 _COLOURS = {
     "READY": curses.COLOR_CYAN,
     "DRIVING": curses.COLOR_GREEN,
-    "STALE": curses.COLOR_YELLOW,
-    "FAULT": curses.COLOR_RED,
-    "STOPPED": curses.COLOR_RED,
-    GONE: curses.COLOR_RED,
+    "warning": curses.COLOR_YELLOW,
+    "failure": curses.COLOR_RED,
 }
 
 

@@ -65,10 +65,20 @@ class _Report(NamedTuple):
 
 
 class Badge(NamedTuple):
-    """State of the arm in one word, with its reason."""
+    """State of the drive as docs/safety.md names it, with its reason and its tone."""
 
     word: str
     reason: str = ""
+    tone: str = ""
+    """Empty, "warning" or "failure"."""
+
+
+def _held(reason: str) -> Badge:
+    return Badge("HELD", reason, "failure")
+
+
+def _unknown(reason: str) -> Badge:
+    return Badge("UNKNOWN", reason, "warning")
 
 
 class Situation:
@@ -121,14 +131,14 @@ class Situation:
         """Return the state of the arm."""
         daq = self._reports.get("daq")
         if daq is None:
-            return Badge("STALE", "the DAQ node has not reported yet")
+            return _unknown("the DAQ node has not reported yet")
         if now_s - daq.heard_s > _REPORT_S:
-            return Badge("STALE", "the DAQ node does not report: it hangs, or it has ended")
+            return _unknown("the DAQ node does not report: it hangs, or it has ended")
         if not daq.active:
             off = Badge("OFF", self.task or "not sampling")
-            return Badge("FAULT", daq.reason) if daq.is_error else off
+            return Badge("OFF", daq.reason, "failure") if daq.is_error else off
         if now_s - self._stopped_s < _STOPPED_S:
-            return Badge("STOPPED", _EMERGENCY)
+            return _held(_EMERGENCY)
         return self._sampling(daq, now_s)
 
     def _failed_controller(self, now_s: float) -> str:
@@ -142,21 +152,19 @@ class Situation:
         """Return the state of an arm whose DAQ node is active."""
         drive = daq.values.get("drive", "off")
         if drive == "held":
-            cause = daq.reason.partition(_HELD)[2] or daq.reason
-            return Badge("STOPPED" if _EMERGENCY in cause else "FAULT", cause)
+            return _held(daq.reason.partition(_HELD)[2] or daq.reason)
         if now_s - self._sampled_s > _SILENT_S:
-            return Badge("STALE", "no samples come")
+            return _unknown("no samples come")
         if drive == "driving":
             return Badge("DRIVING", self.task)
-        if failure := self._failed_controller(now_s):
-            return Badge("STALE", failure)
-        return Badge("STALE", daq.reason) if daq.reason else Badge("READY", "no command in force")
+        if reason := self._failed_controller(now_s) or daq.reason:
+            return Badge("READY", reason, "warning")
+        return Badge("READY", "no command in force")
 
     def held(self, now_s: float) -> str:
         """Return why the drive is held at zero until it is released; empty when it is not."""
         badge = self.badge(now_s)
-        is_held = badge.word in {"STOPPED", "FAULT"} and self.word("daq", now_s) == "active"
-        return f"{_HELD}{badge.reason}" if is_held else ""
+        return f"{_HELD}{badge.reason}" if badge.word == "HELD" else ""
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the figures of the loop and the state, as a page gets them."""
@@ -165,6 +173,7 @@ class Situation:
         return {
             "badge": badge.word,
             "reason": badge.reason,
+            "tone": badge.tone,
             "factor": daq.figure("real-time factor"),
             "missed": daq.figure("missed periods"),
             "unanswered": daq.figure("unanswered samples"),

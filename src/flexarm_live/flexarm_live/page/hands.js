@@ -147,14 +147,14 @@ export function wireStop(link, isAllowed) {
 
 /** Show which of the stop's and the drive's buttons lead on. */
 export function showPower({ badge, nodes, has_experiment: hasExperiment }) {
-  const isStopped = badge === "STOPPED";
-  byId("release").hidden = !isStopped;
-  write(byId("stop").firstChild, isStopped ? "STOPPED " : "STOP ");
-  byId("stop").classList.toggle("latched", isStopped);
+  const isHeld = badge === "HELD";
+  byId("release").hidden = !isHeld;
+  write(byId("stop").firstChild, isHeld ? "STOPPED " : "STOP ");
+  byId("stop").classList.toggle("latched", isHeld);
   const isActive = Object.values(nodes ?? {}).every((phase) => phase === "active");
   // An experiment has the arm for itself.
-  byId("activate").hidden = isStopped || isActive || hasExperiment;
-  byId("deactivate").hidden = isStopped || !isActive || hasExperiment;
+  byId("activate").hidden = isHeld || isActive || hasExperiment;
+  byId("deactivate").hidden = isHeld || !isActive || hasExperiment;
 }
 
 /** Waveforms of the set-point of the thesis's arm. */

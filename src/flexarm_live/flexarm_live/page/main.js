@@ -76,7 +76,7 @@ function enable(isReachable) {
 
 function lose(reason) {
   enable(false);
-  showBadge("STALE", reason);
+  showBadge("UNKNOWN", reason, "warning");
 }
 
 function wireUnits(units, { joints, inputs, outputs, tracked }) {
@@ -120,7 +120,7 @@ link.addEventListener("state", ({ detail: state }) => {
   if (room === null) return;
   room.state = state;
   enable(true);
-  showBadge(state.badge, state.reason);
+  showBadge(state.badge, state.reason, state.tone);
   showPower(state);
   showLoop(state, room.ring.lost);
   for (const setpoint of room.setpoints) setpoint.follow(state, room.ring);

@@ -3,20 +3,12 @@
 import { byId, drawn, element, write } from "./dom.js";
 import { figure } from "./numbers.js";
 
-const REASONS = {
-  OFF: "the drive is off",
-  READY: "waits for a commander",
-  DRIVING: "the controller drives the arm",
-  STALE: "no fresh sample",
-  FAULT: "the rig has a fault",
-  STOPPED: "emergency stop, latched",
-};
-
-/** Show a badge; words of the server win over the usual ones. */
-export function showBadge(name, reason) {
+/** Show the state of the drive, the reason for it and its tone: none, "warning" or "failure". */
+export function showBadge(name, reason, tone) {
   byId("badge").dataset.state = name;
+  byId("badge").dataset.tone = tone;
   write(byId("badge_name"), name);
-  write(byId("badge_reason"), reason || REASONS[name] || "");
+  write(byId("badge_reason"), reason || (name === "DRIVING" ? "the controller drives the arm" : ""));
 }
 
 /** Fill the loop's figures and histogram from a state message. */

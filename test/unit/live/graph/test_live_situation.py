@@ -22,17 +22,17 @@ def situation(level: int, message: str, drive: str, *, sampled_s: float = 10.0) 
 @pytest.mark.parametrize(
     ("level", "message", "drive", "badge"),
     [
-        (OK, "not active", "off", ("OFF", "not sampling")),
-        (OK, "active", "ready", ("READY", "no command in force")),
-        (OK, "active", "driving", ("DRIVING", "")),
-        (WARN, "active: no command in time", "ready", ("STALE", "no command in time")),
-        (ERROR, f"{HELD}emergency stop", "held", ("STOPPED", "emergency stop")),
-        (ERROR, f"{HELD}position_v is stuck", "held", ("FAULT", "position_v is stuck")),
-        (ERROR, "not active: the loop has ended", "off", ("FAULT", "the loop has ended")),
+        (OK, "not active", "off", ("OFF", "not sampling", "")),
+        (OK, "active", "ready", ("READY", "no command in force", "")),
+        (OK, "active", "driving", ("DRIVING", "", "")),
+        (WARN, "active: no command in time", "ready", ("READY", "no command in time", "warning")),
+        (ERROR, f"{HELD}emergency stop", "held", ("HELD", "emergency stop", "failure")),
+        (ERROR, f"{HELD}position_v is stuck", "held", ("HELD", "position_v is stuck", "failure")),
+        (ERROR, "not active: the loop has ended", "off", ("OFF", "the loop has ended", "failure")),
     ],
 )
 def test_badge___of_a_report___is_its_state_with_the_reason(
-    level: int, message: str, drive: str, badge: tuple[str, str]
+    level: int, message: str, drive: str, badge: tuple[str, str, str]
 ) -> None:
     assert tuple(situation(level, message, drive).badge(10.5)) == badge
 
@@ -61,14 +61,14 @@ ENDED = "not active: the loop has ended: law ilqr is made for 300 Hz"
 @pytest.mark.parametrize(
     ("drive", "controller", "badge"),
     [
-        ("ready", (ERROR, ENDED), ("STALE", f"controller {ENDED}")),
-        ("ready", (OK, "not active"), ("READY", "no command in force")),
+        ("ready", (ERROR, ENDED), ("READY", f"controller {ENDED}", "warning")),
+        ("ready", (OK, "not active"), ("READY", "no command in force", "")),
         # An experiment drives in its place.
-        ("driving", (ERROR, ENDED), ("DRIVING", "")),
+        ("driving", (ERROR, ENDED), ("DRIVING", "", "")),
     ],
 )
 def test_badge___controller_that_has_ended_by_an_error___is_reported_with_its_reason(
-    drive: str, controller: tuple[int, str], badge: tuple[str, str]
+    drive: str, controller: tuple[int, str], badge: tuple[str, str, str]
 ) -> None:
     found = situation(OK, "active", drive)
     found.hear("controller", *controller, {}, 10.0)
@@ -76,11 +76,11 @@ def test_badge___controller_that_has_ended_by_an_error___is_reported_with_its_re
     assert found.held(10.5) == ""
 
 
-def test_badge___without_reports_or_samples___is_stale() -> None:
-    assert Situation().badge(0.0) == ("STALE", "the DAQ node has not reported yet")
+def test_badge___without_reports_or_samples___is_unknown() -> None:
+    assert Situation().badge(0.0) == ("UNKNOWN", "the DAQ node has not reported yet", "warning")
     found = situation(OK, "active", "driving")
     assert found.badge(10.9).word == "DRIVING"
-    assert found.badge(11.5) == ("STALE", "no samples come")
+    assert found.badge(11.5) == ("UNKNOWN", "no samples come", "warning")
     found.sampled(20.0)
     assert "does not report" in found.badge(20.0).reason
 
@@ -88,7 +88,7 @@ def test_badge___without_reports_or_samples___is_stale() -> None:
 def test_stop___before_it_is_reported___shows() -> None:
     found = situation(OK, "active", "driving")
     found.stopped(10.1)
-    assert found.badge(10.2).word == "STOPPED"
+    assert found.badge(10.2).word == "HELD"
     found.moved("daq", active=False, now_s=10.3)
     assert found.badge(10.4).word == "OFF"
     found.moved("daq", active=True, now_s=10.5)
