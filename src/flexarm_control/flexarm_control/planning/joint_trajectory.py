@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 # Instants of a segment at which it must be within the travel.
 _LOOKS = 33
+# Largest speed of a joint that rests, as joint_trajectory_controller has it.
+_STILL_RAD_PER_S = float(np.finfo(np.float32).eps)
 
 
 class Point(NamedTuple):
@@ -112,7 +114,7 @@ def trajectory_through(
     ------
     SettingError
         When a point has another number of values or one that is not finite, does not come after the
-        one before, or the trajectory leaves the travel of a joint.
+        one before, the joints move at the last one, or the trajectory leaves the travel of a joint.
     """
     if not points:
         raise SettingError("a trajectory needs a point")
@@ -133,6 +135,10 @@ def trajectory_through(
                 f"point {number} at {after.time_s:g} s is not after point {number - 1} at "
                 f"{before.time_s:g} s"
             )
+    if np.any(np.abs(points[-1].velocities) > _STILL_RAD_PER_S):
+        raise SettingError(
+            f"the joints move at the last point, {len(points)}: its velocities are zero, or none"
+        )
     first = [Point(0.0, start, [0.0] * count)] if points[0].time_s > 0.0 else []
     whole = [*first, *points]
     found = JointTrajectory(
@@ -148,11 +154,11 @@ def _require_travel(
     trajectory: JointTrajectory, travels: Mapping[str, tuple[float, float]]
 ) -> None:
     names, (low, high) = list(travels), np.transpose(list(travels.values()))
-    for begin_s, end_s in pairwise(trajectory.times_s):
-        for time_s in np.linspace(begin_s, end_s, _LOOKS):
-            positions = trajectory.at(float(time_s)).positions
-            for joint in np.flatnonzero((positions < low) | (positions > high)):
-                raise SettingError(
-                    f"{names[joint]} goes to {positions[joint]:.4g} rad at {time_s:.3g} s: its "
-                    f"travel is {low[joint]:.4g} to {high[joint]:.4g} rad"
-                )
+    segments = [np.linspace(*ends, _LOOKS) for ends in pairwise(trajectory.times_s)]
+    for time_s in np.concatenate([*segments, trajectory.times_s[-1:]]):
+        positions = trajectory.at(float(time_s)).positions
+        for joint in np.flatnonzero((positions < low) | (positions > high)):
+            raise SettingError(
+                f"{names[joint]} goes to {positions[joint]:.4g} rad at {time_s:.3g} s: its "
+                f"travel is {low[joint]:.4g} to {high[joint]:.4g} rad"
+            )

@@ -29,8 +29,8 @@ def test_trajectory___points_without_velocities___is_linear() -> None:
 
 
 def test_trajectory___points_of_a_cubic___is_that_cubic() -> None:
-    # From rest at zero, as the start is.
-    cubic, slope = np.poly1d([0.05, -0.2, 0.0, 0.0]), np.poly1d([0.15, -0.4, 0.0])
+    # From rest at zero, as the start is, to rest at 2 s.
+    cubic, slope = np.poly1d([0.05, -0.15, 0.0, 0.0]), np.poly1d([0.15, -0.3, 0.0])
     points = [Point(t, [cubic(t), -cubic(t)], [slope(t), -slope(t)]) for t in (0.5, 1.0, 2.0)]
     found = trajectory_through([0.0, 0.0], points, TRAVELS)
 
@@ -48,6 +48,13 @@ def test_trajectory___point_at_zero___takes_the_place_of_the_start() -> None:
     np.testing.assert_allclose(found.at(0.5).positions, [0.15, 0.2])
 
 
+def test_trajectory___single_point_at_zero___is_a_set_point_of_its_own() -> None:
+    found = trajectory_through([0.5, 0.5], [Point(0.0, [0.1, 0.2])], TRAVELS)
+
+    np.testing.assert_allclose(found.at(0.0).positions, [0.1, 0.2])
+    assert found.end_s == 0.0
+
+
 @pytest.mark.parametrize(
     ("points", "said"),
     [
@@ -59,10 +66,12 @@ def test_trajectory___point_at_zero___takes_the_place_of_the_start() -> None:
             [Point(1.0, [0.0, 0.0]), Point(1.0, [0.1, 0.0])],
             "point 2 at 1 s is not after point 1 at 1 s",
         ),
+        ([Point(0.0, [0.0, -2.5])], "elbow goes to -2.5 rad at 0 s"),
+        ([Point(1.0, [0.5, 0.0], [0.1, 0.0])], "move at the last point, 1:"),
         ([Point(1.0, [0.0, -2.5])], "elbow goes to -2.03.* its travel is -2 to 2 rad"),
         # Both ends are within the travel, and the cubic between them is not.
         (
-            [Point(0.0, [0.9, 0.0], [2.0, 0.0]), Point(1.0, [0.9, 0.0], [-2.0, 0.0])],
+            [Point(0.0, [0.9, 0.0], [2.0, 0.0]), Point(1.0, [0.9, 0.0], [0.0, 0.0])],
             "shoulder goes to 1.0",
         ),
     ],
