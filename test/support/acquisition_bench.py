@@ -58,6 +58,7 @@ class LoggingRig:
         self.slow_reads_s: dict[int, float] = {}
         self.fails_at: int | None = None
         self.position_v = 0.0
+        self.reports: dict[int, tuple[float, ...]] = {}
         self._clock = clock
         self._virtual = virtual
         self._start_s = clock.now_s
@@ -73,7 +74,8 @@ class LoggingRig:
         self.calls.append(("read", time_s))
         self.read_times_s.append(time_s)
         self._clock.now_s += self.slow_reads_s.get(count, 0.0)
-        return RigSample(time_s, np.array([self.position_v, 0.1, 0.2, 0.3]))
+        readings = np.array([self.position_v, 0.1, 0.2, 0.3])
+        return RigSample(time_s, readings, self.reports.get(count))
 
     def write(self, commands: Sequence[float]) -> None:
         (command_v,) = commands

@@ -168,7 +168,7 @@ def controlled(rig: SerialRig, goal_rad: float) -> Iterator[float]:
     """Control the hub by its angle and rate, for ever; yield the angle after each command."""
     before_rad = before_s = None
     while True:
-        time_s, readings = rig.read()
+        time_s, readings, _ = rig.read()
         angle_rad = readings[0] / COUNTS_PER_RAD
         rate = 0.0
         if before_rad is not None and before_s is not None:

@@ -111,7 +111,7 @@ def test_robot___controlled_by_its_topics___turns_to_the_goal(
         readings = np.zeros(4)
         time_s = 0.0
         while time_s < 3.0:
-            time_s, readings = rig.read()
+            time_s, readings, _ = rig.read()
             rig.write([2.0 * (0.5 - readings[0]) - 0.5 * readings[1], 0.0])
             # The elbow is not commanded, so that the tip turns with the shoulder.
             assert readings[2] == pytest.approx(0.0, abs=1e-9)

@@ -25,10 +25,14 @@ class RigSample(NamedTuple):
     outputs : ndarray, (outputs,)
         Readings in the order of the rig's description: for the thesis's arm the four voltages of
         `flexarm_core.channels.CHANNELS`.
+    commands : tuple of float or None
+        What the rig says of its drives at that instant, in the order of its inputs; None when it
+        says nothing, and the last command is in force.
     """
 
     time_s: float
     outputs: FloatArray
+    commands: tuple[float, ...] | None = None
 
 
 def steps_to(now_s: float, moved_s: float, step_s: float) -> tuple[int, float]:

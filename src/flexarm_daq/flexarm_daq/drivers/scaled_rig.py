@@ -70,7 +70,12 @@ class ScaledRig:
         values = self._scales * (raw - self._offsets)
         if len(self._wrapped):
             values[self._wrapped] = self._unwrapped(values[self._wrapped])
-        return RigSample(sample.time_s, values)
+        return RigSample(sample.time_s, values, self._commands(sample.commands))
+
+    def _commands(self, raw: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if raw is None:
+            return None
+        return tuple(each / factor for each, factor in zip(raw, self._factors, strict=True))
 
     def _unwrapped(self, values: np.ndarray) -> np.ndarray:
         turned = np.rint((values - self._last) / self._wraps)

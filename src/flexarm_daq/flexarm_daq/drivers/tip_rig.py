@@ -93,7 +93,7 @@ class TipRig:
 
     def read(self) -> RigSample:
         """Sample the sensors; see `Rig.read`."""
-        time_s, volts = self._rig.read()
+        time_s, volts, _ = self._rig.read()
         angle_rad, speed_rad_per_s = self._rig.plant.tip()
         before_s, before_rad_per_s = self._before
         gained = (speed_rad_per_s - before_rad_per_s) * self._rig.parameters.length_m

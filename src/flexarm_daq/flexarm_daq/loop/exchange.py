@@ -35,6 +35,15 @@ class Applied(NamedTuple):
     compensations: tuple[float, ...]
     command_sequence: int
 
+    def as_reported(self, commands: tuple[float, ...] | None) -> Applied:
+        """Return what is in force by the rig's own account, if it has one: a board drops some."""
+        if commands is None:
+            return self
+        pairs = zip(commands, self.compensations, strict=True)
+        return Applied(
+            commands, tuple(part if each else 0.0 for each, part in pairs), self.command_sequence
+        )
+
 
 class Record(NamedTuple):
     """One sample with the command in force while it was taken.
@@ -212,7 +221,7 @@ class Exchange:
         self.missed += skipped
         self.sequence += 1 + skipped
         self.taken += 1
-        in_force = self.applied
+        in_force = self.applied.as_reported(sample.commands)
         self._end_by_time(sample.time_s)
         self._outputs = sample.outputs
         self._sample_time_s = sample.time_s

@@ -54,6 +54,12 @@ class Readings:
         self.safe_stop()
 
 
+def test_commands___that_a_driver_reports___are_in_the_units_of_the_inputs() -> None:
+    driver = Readings([])
+    driver.read = lambda: RigSample(0.0, np.zeros(4), (1024.0, 0.25))  # type: ignore[method-assign]
+    assert ScaledRig(driver, RIG).read().commands == (0.5, -0.5)
+
+
 def values(driver: Readings) -> np.ndarray:
     rig = ScaledRig(driver, RIG)
     rig.open()

@@ -35,6 +35,14 @@ def test_controller_that_comes_back___drives_again(clock: Clock) -> None:
     assert bench.commands_v == [0.0, *[2.0] * 3, *[0.0] * 5, 2.0, 2.0]
 
 
+def test_command___that_the_rig_did_not_take___is_recorded_as_the_rig_reports(
+    clock: Clock,
+) -> None:
+    bench = Bench(clock, at_once(lambda _: 2.0), virtual=True, samples=5)
+    bench.rig.reports = {2: (0.0,), 3: (1.5,)}
+    assert bench.run().commands_v == [0.0, 2.0, 0.0, 1.5, 2.0]
+
+
 def test_slew___is_counted_from_zero_after_a_lapse(clock: Clock) -> None:
     slow = LimiterSettings(max_slew_v_per_s=1.0 / PERIOD_S)  # one volt a period
 

@@ -165,7 +165,8 @@ class SerialRig:
             self.safe_stop()
             raise
         readings = np.array([newest.raw[place] for place in self._sensors], dtype=float)
-        return RigSample(1e-6 * self._time_us, readings)
+        commands = tuple(float(newest.applied[place]) for place in self._drives)
+        return RigSample(1e-6 * self._time_us, readings, commands)
 
     def write(self, commands: Sequence[float]) -> None:
         """Send a command in counts, clipped by the board's limits; see `Rig.write`."""

@@ -39,9 +39,9 @@ def greeting(version: int = 1) -> bytes:
     return head + inputs + outputs + struct.pack("<Bii", 1, 0, 1023) + text("a0")
 
 
-def sample(sequence: int, time_us: int, status: int = 0) -> bytes:
+def sample(sequence: int, time_us: int, status: int = 0, right: int = 0) -> bytes:
     head = struct.pack("<BHIBBBH", 0x82, sequence, time_us % 2**32, status, 0, 0, 0)
-    return framed(head + struct.pack("<hhii", 0, 0, sequence - 500, 7))
+    return framed(head + struct.pack("<hhii", 0, right, sequence - 500, 7))
 
 
 class Board:
@@ -116,13 +116,20 @@ def test_rig___reads___channels_by_name_and_the_boards_own_time(board: Board) ->
     # The board's clock begins anew after 2^32 microseconds.
     first_us = 2**32 - 5000
     board.say(sample(1, first_us))
-    time_s, readings = rig.read()
+    time_s, readings, _ = rig.read()
     assert time_s == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(readings, [7.0, -499.0])
     board.say(sample(2, first_us + 3333))
     assert rig.read().time_s == pytest.approx(0.003333)
     board.say(sample(3, first_us + 6666))
     assert rig.read().time_s == pytest.approx(0.006666)
+    rig.close()
+
+
+def test_rig___reads___what_the_board_says_of_its_drives(board: Board) -> None:
+    rig = opened(board)
+    board.say(sample(1, 0, right=-37))
+    assert rig.read().commands == (-37.0,)
     rig.close()
 
 
