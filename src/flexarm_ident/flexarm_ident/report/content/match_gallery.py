@@ -44,7 +44,7 @@ def match_gallery(outcome: Outcome, number: int, simulated: FloatArray, delta: F
     simulated : ndarray, (samples, outputs)
         Simulated outputs.
     delta : ndarray, (outputs,)
-        Their errors (2-25).
+        Their relative errors about the mean.
     """
     record = outcome.records[number]
     fitted = min(outcome.fitted[number], len(record))

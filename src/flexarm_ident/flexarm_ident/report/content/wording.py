@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def error_text(delta: float) -> str:
-    """Return an error (2-25) with four decimals, a dash for that of a constant output."""
+    """Return a relative error with four decimals, a dash for that of a constant output."""
     if math.isnan(delta):
         return "-"
     return f"{delta:.4f}" if math.isfinite(delta) else "∞"

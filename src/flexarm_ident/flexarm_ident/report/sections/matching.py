@@ -70,9 +70,9 @@ def _fitted(subject: Subject) -> Iterator[Block]:
     yield _errors(outcome)
     yield Words(
         "The fit is 100 (1 - NRMSE), of the simulation with the measured input (DMV): 100 % is a "
-        "perfect model, 0 % is as good as the mean. The relative error δ (2-25) is the RMS of "
-        "measured minus simulated output, divided by the RMS of the measured output about its "
-        "mean. DMV is the simulation with the measured input. "
+        "perfect model, 0 % is as good as the mean. The relative error δ is the RMS of measured "
+        "minus simulated output, divided by the RMS of the measured output about its mean; the "
+        "thesis's (2-25) takes that about zero. DMV is the simulation with the measured input. "
         + (_SFV if outcome.sfv is not None else "")
         + (_CROSS_VALIDATION if outcome.cross_validation is not None else "")
     )
@@ -82,7 +82,7 @@ FIT = Section(70, "Fit and errors", _fitted)
 
 
 def _errors(outcome: Outcome) -> Table:
-    """Return the errors (2-25) of each output and their mean, as Tables 3-1b to 3-3b."""
+    """Return the relative errors of each output and their mean, as Tables 3-1b to 3-3b."""
     columns: list[tuple[str, FloatArray]] = []
     if outcome.reduction:
         columns.append(("Full, DMV", outcome.full_dmv_errors))

@@ -123,8 +123,8 @@ def _weighed(found: Identification) -> Iterator[Block]:
     )
     yield Words(
         "Every row can be asked for by its method and order, as in "
-        f"--method {rows[0].method} --order {rows[0].order}. Errors are means over the outputs "
-        "(2-25). A dash stands where the fit is too poor to be weighed further."
+        f"--method {rows[0].method} --order {rows[0].order}. Errors are relative, and means "
+        "over the outputs. A dash stands where the fit is too poor to be weighed further."
     )
     plot = cost_plot(curves, order=taken.order, labels=("order", "score"))
     yield Plots((("Score", plot),))
