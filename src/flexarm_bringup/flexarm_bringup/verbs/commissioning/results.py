@@ -11,7 +11,8 @@ from flexarm_control.commissioning.answers import Friction
 from flexarm_control.servo.report import step_figures, summary, summary_lines
 from flexarm_core.labels import axis_label
 from flexarm_core.outputs import MARK_KEY, write_facts
-from flexarm_ident.report.content.blocks import Plots, Table, Words
+from flexarm_ident.report.content.blocks import Links, Plots, Table, Words
+from flexarm_ident.report.content.wording import sentence
 from flexarm_ident.report.page import render_page
 from flexarm_ident.report.plots import marks
 from flexarm_ident.report.plots.chart import Panel, View, chart
@@ -72,6 +73,7 @@ def write_results(
 def _report(
     rig: RigDescription, state: State, results: Results, design: ServoDesign, steps: Steps
 ) -> str:
+    out = state.folder
     pulses, friction = state.found["pulses"], state.found["friction"]
     rows = []
     for joint, pulse, level in zip(rig.joints, pulses, friction, strict=True):
@@ -89,16 +91,36 @@ def _report(
     parts: dict[str, list[Block]] = {
         "Joints": [Table("joints", "what pulses and slow motion show", head, tuple(rows))],
         "Model": [
-            Words(f"{results.outcome.verdict}"),
-            Words(f"Its own report is {results.folder.name}/report.html in the folder models."),
+            Words(sentence(f"{results.outcome.verdict}")),
+            Links((("report of the model", f"{results.folder.relative_to(out)}/report.html"),)),
         ],
         "Step on the arm": [
             Words("The new controller on the arm, and the same step on the twin of the model."),
+            _figures(steps),
             Plots((("", _steps(design, steps)),), wide=True),
         ],
-        "Margins": [Words("They are in servo/report.html.")],
+        "Margins": [Links((("report of the controller", "servo/report.html"),))],
     }
-    return render_page(f"Commissioning of {rig.name}", summary_lines(design), parts)
+    lines = [sentence(line) for line in summary_lines(design)]
+    return render_page(f"Commissioning of {rig.name}", lines, parts)
+
+
+def _figures(steps: Steps) -> Table:
+    """Return the figures of the steps on the arm beside those of the twin."""
+    rows = [
+        (
+            axis_label(mine.output),
+            f"{size:.3g}",
+            where,
+            f"{100.0 * each.overshoot:.1f}",
+            f"{each.settling_s:.2f}" if np.isfinite(each.settling_s) else "-",
+            f"{100.0 * each.steady_error:+.2f}",
+        )
+        for size, mine, other in zip(steps.steps, steps.results, steps.predicted, strict=True)
+        for where, each in (("arm", mine), ("twin", other))
+    ]
+    head = ("output", "step", "on", "overshoot, %", "settling time (2 %), s", "steady error, %")
+    return Table("steps", "steps on the arm and on its twin", head, tuple(rows))
 
 
 def _steps(design: ServoDesign, steps: Steps) -> str:
