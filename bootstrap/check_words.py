@@ -36,7 +36,7 @@ def main() -> str:
     module, _, function = places[verb].partition(":")
     file = verb_file = PACKAGE / "verbs" / f"{module.replace('.', '/')}.py"
     if verb == "bench" and words and not words[0].startswith("-"):
-        benches = {"all", *(name for name, *_ in assigned(file, "_BENCHES"))}
+        benches = {"all", *assigned(file, "_BENCHES")}
         if words[0] not in benches:
             return f"no bench {words[0]}{nearest(words[0], benches)}: ./flexarm bench --help"
         # A bench has options of its own.

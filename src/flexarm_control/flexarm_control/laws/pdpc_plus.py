@@ -143,6 +143,9 @@ class PdpcPlus:
         self._level = level if level is not None else CompensationLevel()
         rest = rest if rest is not None else Rest()
         self._rest = CalmRest(rest, rest.rate_hz)
+        # All of its state.
+        self.reset, self.memory = self._rest.reset, self._rest.memory
+        self.remember = self._rest.remember
 
     @property
     def resting(self) -> bool:
@@ -159,18 +162,6 @@ class PdpcPlus:
         if self._rest.resting:
             return limited(effort_v, help_v)
         return limited(effort_v, self._level.command_v(effort_v, error_v, speed_v))
-
-    def reset(self) -> None:
-        """Return to the state before the first sample."""
-        self._rest.reset()
-
-    def memory(self) -> Memory:
-        """Return the filtered signals and the rest; see `LawWithMemory.memory`."""
-        return self._rest.memory()
-
-    def remember(self, memory: Memory) -> None:
-        """Go on from filtered signals and a rest; see `LawWithMemory.remember`."""
-        self._rest.remember(memory)
 
 
 def _share(bandwidth_hz: float, rate_hz: float) -> float:
