@@ -306,7 +306,7 @@ class Commissioner:
             record.u[:, 0], record.y, dt_s=record.dt_s, period=round(period), harmonics=lines
         )
         levels = zip(
-            record.outputs, found.noise_level, found.odd.level, found.even.level, strict=True
+            record.outputs, found.noise_level, found.odd_level, found.even_level, strict=True
         )
         shown = ", ".join(
             f"{name} {100.0 * noise:.2g}/{100.0 * odd:.2g}/{100.0 * even:.2g} %"
