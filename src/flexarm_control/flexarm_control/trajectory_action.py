@@ -97,9 +97,8 @@ class TrajectoryAction:
                     goal.publish_feedback(_feedback(following, names))
         finally:
             self._node.destroy_timer(timer)
-        is_in_force = controller.follows(following)
         controller.hold(following)
-        return _ended(goal, following, is_in_force=is_in_force)
+        return _ended(goal, following)
 
 
 def following_of(
@@ -202,12 +201,7 @@ def _point(moment: Moment) -> JointTrajectoryPoint:
     return point
 
 
-def _ended(
-    goal: Any,  # noqa: ANN401
-    following: Following,
-    *,
-    is_in_force: bool,
-) -> FollowJointTrajectory.Result:
+def _ended(goal: Any, following: Following) -> FollowJointTrajectory.Result:  # noqa: ANN401
     if following.ended == "":
         goal.succeed()
         return _Result(error_code=_Result.SUCCESSFUL)
@@ -222,7 +216,7 @@ def _ended(
             following.ended, *errors
         )
         return _aborted(goal, codes[following.ended], said)
-    if is_in_force:
+    if goal.is_cancel_requested:
         goal.canceled()
         return _Result(error_string="cancelled: the joints are held")
     return _aborted(goal, _Result.INVALID_GOAL, "another set-point or the end of the run took over")

@@ -176,6 +176,13 @@ def test_goal___cancelled_replaced_or_off_its_path___is_held(controller: Any) ->
     def replace() -> None:
         controller.followed = None
 
+    # Samples that have stopped for a while end a goal, also when they come again at once.
+    silent = _Goal("hub")
+    heard = iter([False, *[True] * 9])
+    controller.follows = lambda _: next(heard)
+    assert "took over" in run(controller, silent).error_string
+    assert silent.state == "aborted"
+    del controller.follows
     replaced = _Goal("hub")
     assert "took over" in run(controller, replaced, replace).error_string
     strict = _Goal("hub", path_rad=0.1)
