@@ -197,12 +197,13 @@ def _with_joints(found: Identification, progress: Progress | None) -> Identifica
     if fit is None or not (fit.is_better and _better(fit.error, start_error)):
         return None
     where = ", ".join(drive.input for drive in coulomb.drives)
+    left_out, linear = fit.left_out_means
     reason = (
         f"dry friction at {where} was fitted with the linear model: "
         f"{mean_error(fit.error):.3g} in simulation instead of "
         f"{mean_error(start_error):.3g}, and over the last part of the record, which the compared "
-        f"fit left out, {mean_error(fit.left_out):.3g} instead of "
-        f"{mean_error(fit.linear_left_out):.3g}; of the linear ones, {found.choice}"
+        f"fit left out, {left_out:.3g} instead of {linear:.3g} (geometric means over the outputs); "
+        f"of the linear ones, {found.choice}"
     )
     return replace(
         found,

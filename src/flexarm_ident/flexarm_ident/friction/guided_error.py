@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.records.iodata import IoData
 
-# Steps of a search from one gain.
-_ITERATIONS, _TOLERANCE = 7, 2e-4
+# Steps of a search, and the decrease that ends it: of a guided one, whose end is the next one's
+# start, and of a free one.
+_GUIDED, _FREE = (20, 0.02), (7, 2e-4)
 # The weights of the outputs follow what is missed of them so often, or until they hardly change.
 _WEIGHTINGS, _SETTLED = 6, 0.01
 # Rows in which a guided prediction settles.
@@ -176,6 +177,12 @@ class GuidedError(ModalParameters):
         self._integrators = single + free
         return changed
 
+    def loosen(self, theta: FloatArray) -> FloatArray:
+        """Return parameters by which nothing draws a joint back."""
+        changed = theta.copy()
+        changed[[place for place, _ in self._rigid]] = 0.0
+        return changed
+
     def stand(self, theta: FloatArray) -> FloatArray:
         """Return parameters by which a joint at rest has no speed, and stays so.
 
@@ -201,15 +208,13 @@ class GuidedError(ModalParameters):
         P = scipy.linalg.solve_discrete_are(A.T, C.T, noise, measured)
         self.gain = np.ascontiguousarray(P @ C.T @ np.linalg.inv(C @ P @ C.T + measured))
 
-    def guided_minimum(
-        self, theta: FloatArray, part: float, iterations: int = _ITERATIONS
-    ) -> Minimum:
+    def guided_minimum(self, theta: FloatArray, part: float) -> Minimum:
         """Return the minimum that is found with the gain of `guide`, of infinite cost for none."""
         try:
             self.guide(theta, part)
         except (np.linalg.LinAlgError, ValueError):
             return Minimum(theta, np.inf, np.eye(len(theta)))
-        return self._searched(theta, iterations)
+        return self._searched(theta, *_GUIDED)
 
     def free_minimum(self, theta: FloatArray, *, holding: bool = False) -> Minimum:
         """Return the minimum without guidance, each output weighted by what is missed of it.
@@ -221,7 +226,7 @@ class GuidedError(ModalParameters):
         self.guide(theta, 0.0)
         found = Minimum(self.allowed(self.integrate(theta)), np.inf, np.eye(len(theta)))
         if holding:
-            found = self._searched(found.theta)
+            found = self._searched(found.theta, *_FREE)
         for number in range(_WEIGHTINGS):
             former = self.weight
             with np.errstate(over="ignore", invalid="ignore"):
@@ -230,11 +235,11 @@ class GuidedError(ModalParameters):
                 break
             if number and np.allclose(self.weight, former, rtol=_SETTLED):
                 break
-            found = self._searched(found.theta)
+            found = self._searched(found.theta, *_FREE)
         return found
 
-    def _searched(self, theta: FloatArray, iterations: int = _ITERATIONS) -> Minimum:
-        return self.minimised(theta, iterations=iterations, tolerance=_TOLERANCE)
+    def _searched(self, theta: FloatArray, iterations: int, tolerance: float) -> Minimum:
+        return self.minimised(theta, iterations=iterations, tolerance=tolerance)
 
     def misfit(self, theta: FloatArray) -> float:
         """Return the sum of the logarithms of what the free simulation misses of each output."""

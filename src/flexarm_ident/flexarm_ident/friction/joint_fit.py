@@ -42,10 +42,10 @@ _STEPS = (6e-3, 1.8e-3, 6e-4, 1.8e-4, 6e-5, 1.8e-5, 6e-6)
 # Steps with so much noise see no more in a longer record. The first ones compare the starts.
 _SHORT, _SHORT_SAMPLES = 1e-4, 8000
 _COMPARED, _COMPARED_SAMPLES = 2, 4000
-_FIRST_ITERATIONS = 15
-# A higher order is for a cost that is lower by this factor; the search among orders ends after as
-# many that are not, and tries as many starts. It goes on for twice as many while the prediction
-# misses more than this, in units of what the past does not tell: a delay takes states of its own.
+# A higher order, or a stiffness of the joints, is for a cost that is lower by this factor. The
+# search among orders ends after as many that are not, and tries as many starts. It goes on for
+# twice as many while the prediction misses more than this, in units of what the past does not tell:
+# a delay takes states of its own.
 _WORTH, _TRIED, _MISSED = 2.0, 2, 1.5
 _PAST = 20
 # Prediction errors that end the search, in units of what the past does not tell.
@@ -83,9 +83,21 @@ class JointFit(NamedTuple):
     linear_left_out: FloatArray
 
     @property
+    def left_out_means(self) -> tuple[float, float]:
+        """Geometric means over the outputs of what was left out, with friction and without.
+
+        Each output counts by its ratio, whatever its size: the position of a second link drifts
+        with any linear model, since its inertia changes with the angle.
+        """
+        errors = np.array([self.left_out, self.linear_left_out])
+        own, linear = np.exp(np.nanmean(np.log(errors), axis=1))
+        return float(own), float(linear)
+
+    @property
     def is_better(self) -> bool:
         """Whether friction simulates what was left out better than the linear model does."""
-        return bool(np.nansum(self.left_out**2) < np.nansum(self.linear_left_out**2))
+        own, linear = self.left_out_means
+        return own < linear
 
 
 def fit_joints(
@@ -100,7 +112,8 @@ def fit_joints(
     """Fit a linear model with dry friction to a record.
 
     Orders are compared by what the first, most guided steps miss. The lowest of those that miss
-    nearly the least are freed of guidance, and the better free simulation counts.
+    nearly the least are freed of guidance, and the better free simulation counts, without stiffness
+    of the joints unless that misses much more.
 
     Parameters
     ----------
@@ -136,7 +149,7 @@ def fit_joints(
     tried = [_freed(found, leading, report) for found in compared[:_TRIED]]
     if not tried:
         return None
-    best = min(tried, key=lambda found: found.cost)
+    best = _loosened(min(tried, key=lambda found: found.cost))
     problem, theta = best.problem, best.minimum.theta
     problem.record = record
     found = problem.free_minimum(problem.stand(theta))
@@ -178,7 +191,7 @@ def _compared(
         problem.weight = weight
         minimum = Minimum(problem.start(x0, levels), np.inf, np.eye(0))
         for part in _STEPS[:_COMPARED]:
-            minimum = problem.guided_minimum(minimum.theta, part, _FIRST_ITERATIONS)
+            minimum = problem.guided_minimum(minimum.theta, part)
         return _Found(problem, minimum, minimum.cost)
 
     for of_order in starts:
@@ -223,6 +236,21 @@ def _freed(start: _Found, leading: IoData, report: Callable[[], None]) -> _Found
             break
     report()
     return min(ends, key=lambda end: end.cost)
+
+
+def _loosened(found: _Found) -> _Found:
+    """Return the parameters without stiffness of the joints, unless they miss much more.
+
+    A small stiffness makes up for what no linear model has, such as an inertia that changes with
+    the angle of a second link, and holds a joint that nothing holds.
+    """
+    problem, weight = found.problem, found.problem.weight
+    minimum = problem.free_minimum(problem.loosen(found.minimum.theta))
+    loose = _Found(problem, minimum, problem.misfit(minimum.theta))
+    if loose.cost <= found.cost + problem.m * np.log(_WORTH):
+        return loose
+    problem.weight = weight
+    return found
 
 
 def _own_start(

@@ -37,10 +37,13 @@ LEVEL = 0.12
 NONE = np.zeros(1)
 
 
-def _arm(level: float) -> tuple[control.StateSpace, DryFriction]:
-    """Return an arm of hub and one bending mode, with encoder, gauge and gyroscope of the tip."""
+def _arm(level: float, spring: float = 0.0) -> tuple[control.StateSpace, DryFriction]:
+    """Return an arm of hub and one bending mode, with encoder, gauge and gyroscope of the tip.
+
+    A spring, in N m/rad, draws the hub back.
+    """
     inertia = np.array([[0.06, 0.02], [0.02, 0.01]])
-    stiffness, damping = np.diag([0.0, 25.0]), np.diag([0.05, 0.005])
+    stiffness, damping = np.diag([spring, 25.0]), np.diag([0.05, 0.005])
     A = np.block(
         [
             [np.zeros((2, 2)), np.eye(2)],
@@ -58,10 +61,10 @@ def _arm(level: float) -> tuple[control.StateSpace, DryFriction]:
     return model, DryFriction(np.array([level]), NONE, NONE, NONE, speed, yielding=yielding)
 
 
-def _record(samples: int, level: float = LEVEL) -> IoData:
+def _record(samples: int, level: float = LEVEL, spring: float = 0.0) -> IoData:
     """Return a closed loop around random set-points, with dither and noise of the sensors."""
     rng = np.random.default_rng(3)
-    model, friction = _arm(level)
+    model, friction = _arm(level, spring)
     x, goal, u = np.zeros(4), 0.0, np.empty((samples, 1))
     for k in range(samples):
         if k % 300 == 0:
@@ -168,6 +171,26 @@ def test_arm_with_a_gyroscope___fit___finds_level_and_simulates_to_the_noise() -
     still = vectors[:, np.argmin(np.abs(values - 1.0))]
     # Where the hub turned to is no part of its speed.
     assert np.linalg.norm(fit.friction.speed @ still) < 1e-6 * np.linalg.norm(fit.friction.speed)
+
+
+@pytest.mark.slow
+def test_joint_drawn_back_by_a_spring___fit___keeps_its_stiffness() -> None:
+    fit = _fitted(_record(8000, spring=0.4), orders=(4,))
+
+    model = fit.model
+    at_rest = np.linalg.solve(np.eye(model.nstates) - model.A, model.B)
+    assert (model.C @ at_rest)[0, 0] == pytest.approx(1.0 / 0.4, rel=0.05)
+    assert fit.friction.levels[0] == pytest.approx(LEVEL, rel=0.03)
+
+
+def test_output_that_drifts_with_any_model___judging___does_not_outweigh_the_others() -> None:
+    model, friction = _arm(LEVEL)
+    own, linear = np.array([0.8, 0.05, 0.06]), np.array([0.7, 0.06, 0.14])
+    fit = JointFit(model, np.zeros(4), friction, own, own, linear)
+
+    assert fit.left_out_means == pytest.approx((np.cbrt(np.prod(own)), np.cbrt(np.prod(linear))))
+    assert fit.is_better
+    assert not fit._replace(linear_left_out=0.5 * own).is_better
 
 
 @pytest.mark.slow
