@@ -45,10 +45,18 @@ THOUSANDS = {
     mark: re.compile(rf"([+-]?\d{{1,3}})((?:[{other}{_GROUP_MARKS}]\d{{3}})+)(\{mark}\d*)?")
     for mark, other in ((".", ","), (",", "."))
 }
+_GROUP = 3
 _WITH_UNIT = re.compile(
     r"([+-]?[0-9.,]*[0-9](?:[eE][+-]?[0-9]+)?) ?"
     r"(%|\u00b0[CF]?|[a-zA-Z\u00b5\u03bc\u03a9]{1,4}(?:/[a-z\u00b2^2]+)?)"
 )
+# As NumPy and others print a number, and lists of one.
+_PRINTED = re.compile(
+    r"(?:(?:(?:np\.|numpy\.)?(?:float|u?int)\d*|tensor|array|Decimal)\(['\"\[]?|\[)"
+    r"([^\s()\[\],'\"]+),?['\"]?\]?\)?"
+)
+_SEVERAL = re.compile(r"\[.*[, ].*\]")
+_MINUS_BEHIND = re.compile(r"([0-9.,]*[0-9])-")
 _ACCOUNTING = re.compile(r"\(([0-9.,]+)\)")
 _CHECKSUM = re.compile(r"(?<=\d)\*[0-9A-F]{2}$")
 _HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]+")
@@ -105,30 +113,37 @@ def is_word(cell: str) -> bool:
 def bare(cell: str) -> tuple[str, str]:
     """Return a number as Python and others write it, and the unit that stood behind it.
 
-    Spreadsheets put an apostrophe before it and brackets for a minus, instruments a unit behind it,
-    receivers a checksum, and controllers write hexadecimal counts and states.
+    Spreadsheets put an apostrophe before it and brackets for a minus, or the minus behind it,
+    instruments a unit, receivers a checksum, and controllers write hexadecimal counts and states.
     """
     text = _CHECKSUM.sub("", cell.removeprefix("'"))
     if text[-1:].isdigit() and text[:2].lower() != "0x":
         return text, ""
     if found := _WITH_UNIT.fullmatch(text):
         return (text, "") if is_clock(text) else (found[1], found[2])
-    if found := _ACCOUNTING.fullmatch(text):
+    if found := _ACCOUNTING.fullmatch(text) or _MINUS_BEHIND.fullmatch(text):
         return f"-{found[1]}", ""
+    if (found := _PRINTED.fullmatch(text)) and _NUMBER.fullmatch(found[1]):
+        return found[1], ""
     if _HEXADECIMAL.fullmatch(text):
         return str(int(text, 16)), ""
     return _STATES.get(text.lower(), text), ""
 
 
-def decimal_mark(cell: str) -> str:
-    """Return the decimal mark of a number; that of thousands is before it, or comes twice."""
-    if is_word(cell):
-        return ""
+def decimal_mark(cell: str) -> tuple[str, bool]:
+    """Return the decimal mark of a number, and whether it is sure to be one.
+
+    That of thousands is before it, or comes twice. Alone before three digits, a mark is of either
+    kind, and digits without one may be those of a number that is too small for it.
+    """
     last = max(",.", key=cell.rfind)
     if last not in cell:
-        return ""
+        return "", len(cell.strip("+-")) > _GROUP
     other = ",."[last == ","]
-    return other if cell.count(last) > 1 and THOUSANDS[other].fullmatch(cell) else last
+    is_grouped = THOUSANDS[other].fullmatch(cell) is not None
+    if cell.count(last) > 1 and is_grouped:
+        return other, True
+    return last, not is_grouped or cell.lstrip("+-").startswith("0")
 
 
 def number(cell: str, mark: str, *, is_time: bool) -> float:
@@ -142,7 +157,7 @@ def number(cell: str, mark: str, *, is_time: bool) -> float:
     if is_time and not cell.isdigit():
         with suppress(ValueError):
             return clock_s(cell)
-    cell, _ = bare(cell.strip("()") if is_time else cell)
+    cell, _ = bare(cell.strip("()") if is_time and cell.startswith("(") else cell)
     if grouped := THOUSANDS[mark].fullmatch(cell):
         whole, thousands, fraction = grouped.groups("")
         cell = whole + re.sub(r"\D", "", thousands) + fraction
@@ -304,9 +319,11 @@ def to_numbers(
     rows: Sequence[Row], columns: Sequence[Column], path: Path, mark: str, found: Rows
 ) -> FloatArray:
     """Return the numbers of rows, (rows, columns), NaN where there is none; `found` learns why."""
+    # The other mark would be one of thousands, which needs another look.
+    point = str.maketrans({",": "x", ".": "x"} | {mark: "."})
     with suppress(ValueError, IndexError):
         numbers = np.array(
-            [[float(row[column.place].replace(mark, ".")) for column in columns] for _, row in rows]
+            [[float(row[column.place].translate(point)) for column in columns] for _, row in rows]
         )
         if np.isfinite(numbers).all():
             return numbers
@@ -328,6 +345,7 @@ def _number(row: Sequence[str], column: Column, mark: str, where: str, found: Ro
         value = np.nan
         advice = "write it with a point" if "," in cell and mark != "," else "correct it"
         advice = "close its quotation marks" if "\n" in cell else advice
+        advice = "give each of its numbers a column" if _SEVERAL.fullmatch(cell) else advice
         complaint = f"{where}: {shown(cell)} is not a number: {advice}"
     is_infinite = np.isinf(value)
     if is_infinite:

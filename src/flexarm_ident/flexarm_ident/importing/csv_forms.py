@@ -18,6 +18,10 @@ _JSON = rb'\s*(\[\s*\{|\[\[[^\n]*\],\s*\[|\{\s*"[^"]*"\s*:\s*\[)'
 BEGINNINGS = tuple(
     (re.compile(begin, re.DOTALL), what)
     for begin, what in (
+        (
+            rb"PK\x03\x04.{26}[^\x00-\x1f]+?\.npy",
+            "has arrays of NumPy: write them by numpy.savetxt",
+        ),
         (rb"PK\x03\x04", "is an Excel or OpenDocument workbook or zip file: save its sheet as CSV"),
         (rb"\xd0\xcf\x11\xe0", "is an old Excel workbook: save its sheet as CSV"),
         (rb"PAR1", "is a Parquet file: write it as CSV, such as by pandas.DataFrame.to_csv"),
@@ -28,6 +32,22 @@ BEGINNINGS = tuple(
         (rb"\x89MCAP0", "is an MCAP bag: call it .mcap"),
         (rb"#ROSBAG V", "is a bag of ROS 1: convert it by `rosbags-convert`"),
         (rb"\x1f\x8b", "is packed by gzip: unpack it by gunzip"),
+        (rb"BZh[1-9]1AY", "is packed by bzip2: unpack it by bunzip2"),
+        (rb"\xfd7zXZ", "is packed by xz: unpack it by unxz"),
+        (rb"\x28\xb5\x2f\xfd", "is packed by Zstandard: unpack it by unzstd"),
+        (rb"\x93NUMPY", "is an array of NumPy: write it by numpy.savetxt"),
+        (
+            rb"\x80[\x02-\x05]",
+            "has pickled objects of Python: write their numbers as CSV from there",
+        ),
+        (rb"RIFF.{4}WAVE", "is a recording of sound (WAV): write its samples by numpy.savetxt"),
+        (rb"RRF", "is a recording of Rerun: write its columns as CSV by its dataframe API"),
+        (rb"ULog\x01", "is a log of PX4: write its topics as CSV by `ulog2csv`"),
+        (rb"CDF[\x01\x02\x05]", "is a netCDF file: write its variables as CSV, such as by xarray"),
+        (
+            rb"%PDF|\x89PNG|\xff\xd8\xff",
+            "is a document or picture and no table: export the numbers",
+        ),
         (rb"<", "is HTML or XML and no table of text: open it and save the table as CSV"),
         (rb"ARROW1", "is an Arrow or Feather file: write it as CSV, such as by pandas"),
         (rb"MDF  ", "is an ASAM MDF file: write its signals as CSV, such as by `asammdf`"),

@@ -6,25 +6,22 @@ are: they are the lines whose cells are numbers in the same columns.
 
 from __future__ import annotations
 
-import codecs
 import csv
 import re
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count, islice, takewhile
 from typing import TYPE_CHECKING
 
-from flexarm_core.bounds import require_plain_file
 from flexarm_core.errors import reason
 from flexarm_core.labels import time_unit_s, unit_ending
 from flexarm_ident.importing.csv_cells import MISSING, NAME, CsvImportError, bare, is_value
-from flexarm_ident.importing.csv_forms import BEGINNINGS, other_form
+from flexarm_ident.importing.csv_forms import other_form
+from flexarm_ident.importing.csv_text import encoding_of, lines_of, opened, without_breaks
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
-    from typing import TextIO
 
 _TABLES = frozenset(
     {".csv", ".tsv", ".txt", ".dat", ".lvm", ".log", ".asc", ".prn", ".mat", ".h5", ".hdf5"}
@@ -32,8 +29,6 @@ _TABLES = frozenset(
 )
 # Of equally good ones the first counts; a blank stands for white space of any length.
 _SEPARATORS = ("\t", ",", ";", "|", " ")
-# A line of a table has some hundred characters.
-_LINE_CHARACTERS = 1 << 20
 _HEAD_LINES = 400
 # Bytes at the end of a file that have its last rows, and how many of these are compared.
 _TAIL, _LAST_ROWS = 1 << 14, 10
@@ -55,7 +50,6 @@ _BEFORE_ROW = re.compile(
     rf"(?:[^\d,;\t]*|[^\d,;\t]*[A-Za-z]{{3}} +\d{{1,2}} ){_STAMP}\S*(?: \d{{4}}\])? +"
     r"(?:(?![+-]?\.?\d)[^\s,]+ +)*(?!(?:19|20)\d\d[,;\t])(?=[+-]?\.?\d+[.,;\t](?!\d*[-:]))"
 )
-_BRACKETED = re.compile(r"\s*[\[(]+([^\[\]()]*)[\])]+,?\s*")
 _UNIT = re.compile(
     r"[\[(].*[\])]||-|1|%|\u00b0[CF]?|[num\u00b5\u03bck]?(V|A|N|g|K|Pa|bar|m|Hz|W)|N ?m|cm|counts?|"
     r"sequence|ticks?|(deg|rad|m|V|mm)(/s(\^?2|\u00b2)?)?|rpm|degrees?|float(32|64)?|double|int(32|64)?|"
@@ -65,15 +59,6 @@ _UNIT = re.compile(
 _NAME_AND_UNIT = re.compile(r"\S+(?: +[\[(][^\])]*[\])])?")
 _TIME_NAME = re.compile(r"[\W_]*(t|time|time ?stamp|zeit|x_value)([\W_].*)?", re.IGNORECASE)
 _TIME = "time"
-_MARKS = (
-    (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF32_LE, "utf-32"),
-    (codecs.BOM_UTF32_BE, "utf-32"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-)
-_FIRST_PRINTED, _SPACES = 0x20, b"\t\n\f\r\x1b"
-_NOT_CP1252 = (b"\x81", b"\x8d", b"\x8f", b"\x90", b"\x9d")
 
 
 @dataclass(frozen=True)
@@ -153,7 +138,7 @@ def read_layout(path: Path) -> Layout:
     BoundError
         If it is not a plain file.
     """
-    encoding = _encoding(path)
+    encoding = encoding_of(path)
     with opened(path, encoding) as file:
         head: list[str] = []
         size = 0
@@ -162,7 +147,7 @@ def read_layout(path: Path) -> Layout:
             size += len(line)
             if size > _HEAD_CHARACTERS:
                 break
-    head = _without_breaks(head)
+    head = without_breaks(head)
     try:
         layout = _layout(head, encoding)
     except csv.Error as error:
@@ -172,47 +157,6 @@ def read_layout(path: Path) -> Layout:
     if remedy := other_form(head, layout.names, of_width):
         raise CsvImportError(f"{path}: {remedy}")
     return layout
-
-
-def _without_breaks(head: Sequence[str]) -> list[str]:
-    """Return lines in which no cell is broken, as spreadsheets break names; their places stay."""
-    whole: list[str] = []
-    opens = -1
-    for k, line in enumerate(head):
-        is_odd = line.count('"') % 2 == 1
-        if opens >= 0:
-            whole[opens] = f"{whole[opens].rstrip()} {line}"
-            opens = -1 if is_odd else opens
-            whole.append("\n")
-            continue
-        opens = k if is_odd else -1
-        whole.append(line)
-    # A mark that nothing ends is one of inches.
-    return whole if opens < 0 else list(head)
-
-
-def opened(path: Path, encoding: str) -> TextIO:
-    """Open a text; what is not of its encoding can only be in words."""
-    try:
-        return path.open(newline="", encoding=encoding, errors="replace")
-    except OSError as error:
-        raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
-
-
-def lines_of(file: TextIO, path: Path) -> Iterator[str]:
-    """Return the lines of a text, none of which fills the memory.
-
-    Zero bytes end a line, as a computer that lost its power leaves them where it wrote. Brackets
-    around a line, as Python prints lists, are left out.
-    """
-    while text := file.readline(_LINE_CHARACTERS):
-        if len(text) == _LINE_CHARACTERS:
-            raise CsvImportError(f"{path}: a line has {_LINE_CHARACTERS} characters or more")
-        for line in filter(None, text.replace("\u2212", "-").split("\0")):
-            if line.lstrip().startswith(("[", "(")) and (inside := _BRACKETED.fullmatch(line)):
-                yield inside[1] + "\n"
-            else:
-                yield line
 
 
 def is_cut(path: Path, layout: Layout) -> bool:
@@ -246,34 +190,6 @@ def is_comment(cells: Sequence[str]) -> bool:
     """Return whether a row is a comment, a blank line or words between rows."""
     has_values = any(is_value(cell) or cell.lower() in MISSING - {""} for cell in reversed(cells))
     return bool(cells and _COMMENT.match(cells[0])) or not has_values
-
-
-def _encoding(path: Path) -> str:
-    try:
-        require_plain_file(path)
-        with path.open("rb") as file:
-            start = file.read(1 << 16)
-    except OSError as error:
-        raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
-    for begin, remedy in BEGINNINGS:
-        if begin.match(start):
-            raise CsvImportError(f"{path}: {remedy}")
-    for mark, encoding in _MARKS:
-        if start.startswith(mark):
-            return encoding
-    start = start.rstrip(b"\0") or start
-    if 0 in start:
-        # Each character of a plain text has a zero beside it.
-        for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
-            if start[first::2].count(0) == start.count(0) == len(start) // 2:
-                return encoding
-        start = start.replace(b"\0", b"")
-        if any(byte < _FIRST_PRINTED and byte not in _SPACES for byte in start):
-            raise CsvImportError(f"{path}: is a binary file and no text: export it as CSV")
-    with suppress(UnicodeDecodeError):
-        codecs.getincrementaldecoder("utf-8")().decode(start)
-        return "utf-8"
-    return "cp1252" if not any(each in start for each in _NOT_CP1252) else "latin-1"
 
 
 def _split(line: str, separator: str, names: Sequence[str] = ()) -> list[str]:
@@ -416,7 +332,7 @@ def _named(
             # Programs put lines of types and ways between the names and the rows. Beside a time
             # there are an input and an output.
             times = sum(map(bool, map(_TIME_NAME.fullmatch, cells)))
-            if 0 < times < len(cells) - 1 and not any(map(is_value, cells)):
+            if 0 < times < max(2, len(cells) - 1) and not any(map(is_value, cells)):
                 return cells, units
             if named is None or _says_more(cells, named[0]):
                 named = cells, units

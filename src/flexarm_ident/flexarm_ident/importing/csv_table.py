@@ -16,7 +16,6 @@ from flexarm_core.errors import reason
 from flexarm_core.labels import TIME_UNITS_S, counted
 from flexarm_ident.importing.csv_cells import (
     NAME,
-    THOUSANDS,
     Column,
     CsvImportError,
     Rows,
@@ -55,6 +54,7 @@ _LONGEST, _SHOWN = 500, 5
 _BLOCK_ROWS = 50_000
 # Part of the rows that are short by accident.
 _FEW = 0.01
+_THOUSAND, _ROUNDING = 1e3, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +216,7 @@ def _plain_numbers(lines: Iterator[str], layout: Layout, columns: Sequence[Colum
                 usecols=[column.place for column in columns],
                 ndmin=2,
             )
-            if not np.isfinite(numbers).all():
+            if not np.isfinite(numbers).all() or (marks and _may_be_grouped(numbers)):
                 return None
             first = sum(map(len, found.places))
             found.blocks.append(numbers)
@@ -234,7 +234,7 @@ def _numbers(lines: Iterator[str], layout: Layout, columns: Sequence[Column], pa
     numbered = _rows_of(lines, layout, times, found, path)
     while taken := list(islice(numbered, _BLOCK_ROWS)):
         block = [row for _, row in taken]
-        mark = _decimal_mark(block, columns, layout, path, mark)
+        mark = _decimal_mark(block, columns, path, mark)
         found.blocks.append(to_numbers(block, columns, path, mark or ".", found))
         found.lines.append(np.array([line for line, _ in block], np.int64))
         found.places.append(np.array([place for place, _ in taken], np.int64))
@@ -393,21 +393,39 @@ def columns_text(layout: Layout) -> str:
     return f"{alone}there are: {shorten(', '.join(layout.names), _LONGEST)}"
 
 
-def _decimal_mark(
-    rows: Sequence[Row], columns: Sequence[Column], layout: Layout, path: Path, known: str
-) -> str:
-    """Return the decimal mark of the rows so far, comma or point; nothing where none has one."""
+def _may_be_grouped(numbers: FloatArray) -> bool:
+    """Return whether the mark in a column may be one of thousands: `998` stands by `1.001`."""
+    whole = numbers == np.rint(numbers)
+    sizes = np.abs(numbers)
+    thousandths = np.abs(1e3 * sizes - np.rint(1e3 * sizes)) < _ROUNDING
+    fits = (whole | (thousandths & (sizes >= 1.0))) & (sizes < _THOUSAND)
+    return bool(np.any(fits.all(axis=0) & whole.any(axis=0) & ~whole.all(axis=0)))
+
+
+def _decimal_mark(rows: Sequence[Row], columns: Sequence[Column], path: Path, known: str) -> str:
+    """Return the decimal mark of the rows so far, comma or point; nothing where none has one.
+
+    The mark in `1.001` is one of either kind: of thousands where other numbers tell so, or where
+    the column has `998` beside it.
+    """
+    kinds: dict[str, set[tuple[str, bool]]] = {}
     for line, row in rows:
         for column in columns:
             cell = row[column.place] if column.place < len(row) else ""
-            mark = "" if column.is_time and is_clock(cell) else decimal_mark(bare(cell)[0])
-            if layout.separator == mark and THOUSANDS["."].fullmatch(cell):
-                mark = ""
-            if mark and known not in ("", mark):
+            if is_word(cell) or (column.is_time and is_clock(cell)):
+                continue
+            mark, is_sure = decimal_mark(bare(cell)[0])
+            kinds.setdefault(column.name, set()).add((mark, is_sure))
+            if not (mark and is_sure):
+                continue
+            if known not in ("", mark):
                 raise CsvImportError(
                     f"{path}, line {line}, column {column.name}: {shown(cell)}, and the file "
                     "has commas and points in its numbers: write all with one of them, and "
                     "thousands without"
                 )
-            known = mark or known
-    return known
+            known = mark
+    if known or not (marks := {mark for each in kinds.values() for mark, _ in each} - {""}):
+        return known
+    mark = min(marks)
+    return ",."[mark == ","] if {("", False), (mark, False)} in kinds.values() else mark

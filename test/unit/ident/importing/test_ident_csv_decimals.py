@@ -71,3 +71,22 @@ def test_decimal_commas___beside_points_between_commas___are_refused(tmp_path: P
 def test_decimal_commas___between_commas___are_refused(tmp_path: Path) -> None:
     with pytest.raises(CsvImportError, match=r"line 2: it has 6 cells, and .* names 4.*need ;"):
         values(tmp_path, [f"0,00{k},1,5,2,{k}" for k in range(5)], ",")
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+@pytest.mark.parametrize("time", ["{:d}", "{:.1f}"])
+def test_marks_of_thousands_alone___are_no_decimal_marks(
+    tmp_path: Path, mark: str, time: str
+) -> None:
+    counts = [998, 999, 1000, 1001, -1200, 12_345]
+    other = ",."[mark == ","]
+    rows = [
+        ";".join([time.format(k).replace(".", other), f"{count:,}".replace(",", mark), "-7"])
+        for k, count in enumerate(counts)
+    ]
+    np.testing.assert_array_equal(values(tmp_path, rows)[:, 1], counts)
+
+
+def test_three_decimals___beside_numbers_of_four_digits___are_decimals(tmp_path: Path) -> None:
+    found = values(tmp_path, ["0;1.234;5", "1;1.001;1500", "2;9;1.125", "3;2000;2"])
+    np.testing.assert_array_equal(found[:, 1], [1.234, 1.001, 9.0, 2000.0])
