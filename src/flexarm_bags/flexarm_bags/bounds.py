@@ -19,6 +19,7 @@ from mcap.records import ChunkIndex, Statistics
 from rosbags.rosbag2.reader import DirectoryReader
 
 from flexarm_bags.metadata import FILE_NAME, as_yaml, plain_name, read_information, require_bag
+from flexarm_bags.records.database import require_database
 from flexarm_bags.records.layout import (
     CHUNK_BYTES,
     MAGIC,
@@ -140,8 +141,12 @@ def require_bounded_file(file: Path, *, unpacks: bool = False) -> None:
     ------
     BoundError
         If the file is not a plain one or its chunks would take too much.
+    BagError
+        If it is called a database of a bag and is none.
     """
     allowed = unpacked_bytes_allowed(require_plain_file(file))
+    if file.suffix == ".db3":
+        require_database(file)
     if file.suffix == ".mcap" and file.stat().st_size:
         with (
             file.open("rb") as stream,

@@ -30,6 +30,8 @@ _REMEDIES = {
     ".bag": "a bag of ROS 1 is converted by `rosbags-convert --src FILE --dst FOLDER`",
     **dict.fromkeys((".npy", ".npz", ".json", ".jsonl", ".pkl", ".ulg", ".blf", ".bin"), _SAVE),
     **dict.fromkeys((".mf4", ".mdf", ".tdm", ".wav", ".nc", ".uff", ".dxd", ".d7d", ".db"), _SAVE),
+    ".arrow": f"an Arrow file: {_SAVE}",
+    ".rrd": f"a recording of Rerun: {_SAVE}",
     **dict.fromkeys((".gz", ".zip", ".bz2", ".xz", ".zst", ".7z", ".tar"), _UNPACK),
 }
 """What to do with files that are neither bags nor tables, by their ending."""

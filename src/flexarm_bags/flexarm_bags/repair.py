@@ -43,7 +43,7 @@ from flexarm_bags.records.layout import (
     walk,
     whole_records,
 )
-from flexarm_bags.schema import MessageDefinition, text_hash
+from flexarm_bags.schema import CDR, MessageDefinition, text_hash
 from flexarm_bags.writer import LATEST_TIME_NS, RecordingError, whole_bag
 from flexarm_core.bounds import (
     BoundError,
@@ -115,7 +115,7 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
     for file in files:
         topics = {**file.survey(), **topics}
     if not topics:
-        raise RecordingError(f"{damaged}: has no whole message, nothing to repair")
+        raise RecordingError(f"{damaged}: has no whole message of ROS 2, nothing to repair")
     with whole_bag(repaired, list(topics.values())) as bag:
         for file in files:
             for topic, message in file.messages(topics):
@@ -213,6 +213,11 @@ class _FileRepair:
                     )
                 elif topic is not None:
                     yield topic, record
+                elif encoding := self._definitions.foreign(record.channel_id):
+                    self._note(
+                        f"a message of {self._definitions.name(record.channel_id)} is {encoding} "
+                        "and none of ROS 2, and is left out"
+                    )
                 else:
                     self._note(
                         f"a message of {self._definitions.name(record.channel_id)}, whose "
@@ -371,6 +376,11 @@ class Definitions:
         """Return the topic of a channel, whole or not, for messages."""
         copies = self.channels.get(number)
         return copies[0][0].topic if copies else f"the unknown channel {number}"
+
+    def foreign(self, number: int) -> str:
+        """Return the encoding of a channel whose messages are none of ROS 2; else empty."""
+        encodings = {channel.message_encoding for channel, _ in self.channels.get(number, [])}
+        return "" if CDR in encodings else ", ".join(sorted(encodings))
 
     def topic(self, number: int) -> RecordedTopic | None:
         """Return the topic of a channel with an undamaged definition; None without one.

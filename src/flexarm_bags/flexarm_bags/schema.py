@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _OWN = "flexarm_msgs"
 # Between the types of a complete text.
 _RULE = "=" * 80
-_CDR = "cdr"
+CDR = "cdr"
 
 
 class DefinitionError(FlexarmError):
@@ -207,7 +207,7 @@ def foreign_topics(path: Path) -> dict[str, str]:
     return {
         each.topic: each.message_encoding or "nothing"
         for each in channels
-        if each.message_encoding != _CDR
+        if each.message_encoding != CDR
     }
 
 

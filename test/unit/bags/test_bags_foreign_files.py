@@ -18,7 +18,7 @@ from flexarm_bags.records.chunks import Messages
 from flexarm_bags.repair import repair_bag
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import BagError
-from flexarm_ident.reading.fields import values_of
+from flexarm_ident.reading.fields import parse_field, values_of, wrong_topic
 from support.bag_samples import (
     START_NS,
     controlled_run,
@@ -271,3 +271,14 @@ def test_messages___compressed_without_their_metadata___are_named_with_the_way_o
         expected = "messages are compressed, as metadata.yaml says: read its folder"
         with opened(path) as found, pytest.raises(BagError, match=expected):
             found.recorded("/flexarm/state")
+
+
+def test_topic___of_another_encoding___is_named_by_the_reader_and_by_the_repair(
+    tmp_path: Path,
+) -> None:
+    file = write(tmp_path / "run.mcap", forces(), range(600), [("json", "jsonschema")])
+    with opened(file) as bag:
+        said = str(wrong_topic(bag, parse_field("/note0.a")))
+    assert "/note0 is json and no topic of ROS 2: record it" in said
+    (damage,) = repair_bag(file, tmp_path / "repaired").damage
+    assert "a message of /note0 is json and none of ROS 2, and is left out" in damage

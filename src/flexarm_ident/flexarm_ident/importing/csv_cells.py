@@ -146,7 +146,7 @@ def decimal_mark(cell: str) -> tuple[str, bool]:
     return last, not is_grouped or cell.lstrip("+-").startswith("0")
 
 
-def number(cell: str, mark: str, *, is_time: bool) -> float:
+def number(cell: str, mark: str, *, is_time: bool = False) -> float:
     """Return the number in a cell without its unit, or the seconds of an instant.
 
     Raises

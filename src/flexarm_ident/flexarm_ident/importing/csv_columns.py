@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from textwrap import shorten
@@ -26,7 +27,12 @@ _TIME = re.compile(
     rf"zeit|x_value|(.*[._/])?secs?)({TIME_UNIT_ENDING})?(#\d+)?",
     re.IGNORECASE,
 )
-_HAS_TIME = re.compile(r"(.*[\W_])?(time|zeit)([\W_].*)?", re.IGNORECASE)
+_HAS_TIME = re.compile(
+    r"(.*[\W_])?(time|zeit|temps|tiempo|tempo|tijd|tid|czas|\u010das|\u0432\u0440\u0435\u043c\u044f"
+    r"|\u65f6\u95f4|\u6642\u9593)([\W_].*)?",
+    re.IGNORECASE,
+)
+_FREQUENCY = re.compile(r"f|freq(s|uency|uenz)?|fr\u00e9quence", re.IGNORECASE)
 _CLOCK = re.compile(r"(.*[\W_])?(t|time|zeit|stamp|timestamp)(\d*|[\W_].*)", re.IGNORECASE)
 _COMMAND = re.compile(
     r"(u|tau|torque|command|cmd|effort|force|current|voltage|input|control|drive|motor|pwm)"
@@ -86,7 +92,8 @@ def named_columns(path: Path, asked: TableColumns) -> CsvMap:
         )
     channels = [_channel(text, names) for text in (*inputs, *outputs)]
     if not (column or rate_hz):
-        column = _only_time(path, layout, {each.column for each in channels})
+        column = _only_time(path, layout, [each.column for each in channels])
+    clocks = _own_times(layout, column, [each.column for each in channels])
     for said in ([each.column for each in channels], [each.name for each in channels]):
         if twice := named_twice(said):
             raise CsvImportError(f"{path}: {twice}: take it once")
@@ -96,6 +103,7 @@ def named_columns(path: Path, asked: TableColumns) -> CsvMap:
         time=column or None,
         time_unit=unit,
         rate_hz=rate_hz,
+        clocks=clocks,
     )
 
 
@@ -138,22 +146,39 @@ def _named_time(times: Sequence[str], names: Sequence[str]) -> tuple[str, str, f
     return column, unit, rate_hz
 
 
-def _only_time(path: Path, layout: Layout, taken: set[str]) -> str:
+def _own_times(layout: Layout, time: str, channels: Sequence[str]) -> tuple[str, ...]:
+    """Return the nearest time before each channel, where several columns have the time's name."""
+    stem, sign, _ = time.partition("#")
+    times = [name for name in layout.names if sign and name.partition("#")[0] == stem]
+    places = [layout.names.index(name) for name in times]
+    own = [bisect(places, layout.names.index(name)) for name in channels if name in layout.names]
+    return tuple(times[number - 1] for number in own) if own and min(own) > 0 else ()
+
+
+def _only_time(path: Path, layout: Layout, taken: Sequence[str]) -> str:
     times = _times(layout)
     free = [name for name in times if name not in taken]
     if len(free) == 1:
         return free[0]
+    if len({name.partition("#")[0] for name in free}) == 1 and _own_times(layout, free[0], taken):
+        return free[0]
     if times and not free:
         raise CsvImportError(
             f"{path}: {times[0]} is the time: it is neither an input nor an output"
+        )
+    if not free and _FREQUENCY.fullmatch(_ENDING.sub("", layout.names[0])):
+        raise CsvImportError(
+            f"{path}: column {layout.names[0]} is no time but a frequency, as of a spectrum or a "
+            "frequency response: give the samples that it was made from"
         )
     problem = (
         f"{' and '.join(free)} are times"
         if free
         else "no column is called a time, such as t or time_ms"
     )
+    rate = f"{layout.rate_hz:g}Hz, as its head says," if layout.rate_hz else "200Hz,"
     raise CsvImportError(
-        f"{path}: {problem}: say --time COLUMN, --time COLUMN:us or --time 200Hz, or write a map "
+        f"{path}: {problem}: say --time COLUMN, --time COLUMN:us or --time {rate} or write a map "
         f"with time: COLUMN or rate_hz: NUMBER, and give it as --map; {columns_text(layout)}"
     )
 
@@ -188,7 +213,7 @@ def other_clocks(path: Path, mapping: CsvMap, layout: Layout) -> tuple[str, ...]
         return ()
     chosen = []
     for name in layout.names:
-        if name in (mapping.time, *mapping.columns()) or not _CLOCK.fullmatch(name):
+        if name in (*mapping.clocks, *mapping.columns()) or not _CLOCK.fullmatch(name):
             continue
         with suppress(CsvImportError):
             alone = replace(mapping, inputs=(), outputs=(CsvChannel(name, name),))

@@ -10,12 +10,20 @@ import csv
 import re
 from collections import Counter
 from dataclasses import dataclass
-from itertools import count, islice, takewhile
+from itertools import count, islice, takewhile, zip_longest
 from typing import TYPE_CHECKING
 
 from flexarm_core.errors import reason
 from flexarm_core.labels import time_unit_s, unit_ending
-from flexarm_ident.importing.csv_cells import MISSING, NAME, CsvImportError, bare, is_value
+from flexarm_ident.importing.csv_cells import (
+    MISSING,
+    NAME,
+    CsvImportError,
+    bare,
+    decimal_mark,
+    is_value,
+    number,
+)
 from flexarm_ident.importing.csv_forms import other_form
 from flexarm_ident.importing.csv_text import encoding_of, lines_of, opened, without_breaks
 
@@ -25,11 +33,12 @@ if TYPE_CHECKING:
 
 _TABLES = frozenset(
     {".csv", ".tsv", ".txt", ".dat", ".lvm", ".log", ".asc", ".prn", ".mat", ".h5", ".hdf5"}
-    | {".parquet", ".feather", ".tdms"}
+    | {".parquet", ".feather", ".arrow", ".tdms", ".npy", ".npz", ".pkl", ".wav", ".ulg", ".rrd"}
+    | {".jsonl", ".ndjson", ".mot", ".sto", ".tab"}
 )
 # Of equally good ones the first counts; a blank stands for white space of any length.
 _SEPARATORS = ("\t", ",", ";", "|", " ")
-_HEAD_LINES = 400
+_HEAD_LINES, _HEAD_ROWS = 400, 20
 # Bytes at the end of a file that have its last rows, and how many of these are compared.
 _TAIL, _LAST_ROWS = 1 << 14, 10
 _HEAD_CHARACTERS = 1 << 20
@@ -57,6 +66,18 @@ _UNIT = re.compile(
     re.IGNORECASE,
 )
 _NAME_AND_UNIT = re.compile(r"\S+(?: +[\[(][^\])]*[\])])?")
+_NUMBER = r"(\.?\d(?:[\d.,]*\d)?(?:[eE][+-]?\d+)?)"
+_RATE = re.compile(
+    rf"(?:sampl(?:e|ing)|abtast)[ _-]*(?:rate|freq\w*)\W+{_NUMBER}[ ]?([kM]?)(?:Hz|S/s|Sa/s)",
+    re.IGNORECASE,
+)
+_INCREMENT = "Increment"
+_PREFIXES = {"": 1.0, "k": 1e3, "m": 1e6}
+_INTERVAL = re.compile(
+    r"(?:sampl(?:e|ing)[ _]?(?:interval|period|time)|delta_x|tinc)(?:\W+(ms|us|s)\b)?"
+    rf"[^\d\n]*?{_NUMBER}(?:[ ]?(ms|us|s)\b)?",
+    re.IGNORECASE,
+)
 _TIME_NAME = re.compile(r"[\W_]*(t|time|time ?stamp|zeit|x_value)([\W_].*)?", re.IGNORECASE)
 _TIME = "time"
 
@@ -83,6 +104,8 @@ class Layout:
         Number of cells that most rows have.
     is_named : bool
         Whether a line names the columns.
+    rate_hz : float
+        Sampling rate that a line above the rows says, Hz; 0 without one.
     """
 
     encoding: str
@@ -93,6 +116,7 @@ class Layout:
     cells: tuple[str, ...]
     width: int
     is_named: bool
+    rate_hz: float = 0.0
 
     def unit(self, name: str) -> str:
         """Return the unit of a column that the line below the names or its cells give."""
@@ -249,6 +273,7 @@ def _layout(head: Sequence[str], encoding: str) -> Layout:
         # A data frame without names has the count of its columns for them.
         names, first = [cell.strip() for cell in cells], first + 1
         cells = _split(head[first], separator) if first < len(head) else []
+    names = names or _named_beside([table[k] for k in rows], width)
     is_named = bool(names)
     is_stamped = separator != " " and _BEFORE_ROW.match(head[first]) is not None
     if not names:
@@ -267,7 +292,41 @@ def _layout(head: Sequence[str], encoding: str) -> Layout:
         tuple(cell.strip() for cell in cells),
         width,
         is_named,
+        _rate_hz(head[:first], separator),
     )
+
+
+def _named_beside(rows: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Return names from words beside the rows, as oscilloscopes of Tektronix have them.
+
+    A channel has the cells `Source, CH1, , TIME, VALUE` in one of its first rows.
+    """
+    names = [f"column_{k + 1}" for k in range(width)]
+    found = False
+    for cells in rows[:_HEAD_ROWS]:
+        for k, key in enumerate(cells[:-4]):
+            if key.strip() == "Source" and is_value(cells[k + 4]):
+                names[k + 3 : k + 5] = _TIME, cells[k + 1].strip()
+                found = True
+    return names if found else []
+
+
+def _rate_hz(above: Sequence[str], separator: str) -> float:
+    """Return the rate that lines above the rows say, Hz; 0 without one."""
+    table = [_split(line, separator) for line in above]
+    for cells, below in zip_longest(table, table[1:], fillvalue=[]):
+        line = (" " if separator == " " else "\t").join(cells)
+        if found := _RATE.search(line):
+            return number(found[1], decimal_mark(found[1])[0] or ".") * _PREFIXES[found[2].lower()]
+        step, unit = "", "s"
+        if found := _INTERVAL.search(line):
+            step, unit = found[2], found[1] or found[3] or unit
+        elif _INCREMENT in cells:
+            # Oscilloscopes of Rigol have it below its name.
+            step = dict(zip(cells, below, strict=False)).get(_INCREMENT, "")
+        if is_value(step) and (ticks := number(step, decimal_mark(step)[0] or ".")) > 0.0:
+            return float(f"{1.0 / (ticks * (time_unit_s(f't [{unit}]') or 1.0)):.6g}")
+    return 0.0
 
 
 def _keyed(head: Sequence[str], encoding: str) -> Layout | None:

@@ -47,6 +47,8 @@ class CsvMap:
         Free text for the bag's source.
     time_unit : str
         Unit of the time, ``us``; empty where the name, the file or nothing gives it.
+    clocks : tuple of str
+        Column of the time of each input and output, where they have times of their own; else empty.
     """
 
     inputs: tuple[CsvChannel, ...]
@@ -56,6 +58,7 @@ class CsvMap:
     closed_loop: bool = False
     description: str = ""
     time_unit: str = ""
+    clocks: tuple[str, ...] = ()
 
     @property
     def resamples(self) -> bool:

@@ -30,14 +30,8 @@ from flexarm_ident.importing.csv_cells import (
     without_stand_ins,
     word_notes,
 )
-from flexarm_ident.importing.csv_layout import (
-    Layout,
-    is_comment,
-    is_cut,
-    lines_of,
-    opened,
-    read_layout,
-)
+from flexarm_ident.importing.csv_layout import Layout, is_comment, is_cut, read_layout
+from flexarm_ident.importing.csv_text import lines_of, opened
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -105,6 +99,8 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
         If it is not a plain file.
     """
     layout = layout or read_layout(path)
+    if len(set(mapping.clocks)) > 1:
+        return _joined(path, mapping, layout)
     columns = _columns(layout, mapping, path)
     ends_cut = is_cut(path, layout)
     with _lines(path, layout, ends_cut=ends_cut) as lines:
@@ -121,7 +117,8 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
     found.notes += word_notes(found, len(values))
     for column, cells in zip(columns, values.T, strict=True):
         if np.isnan(cells).all():
-            advice = "give the rate as --time 200Hz" if column.is_time else "leave it out"
+            rate = f"--time {layout.rate_hz or 200.0:g}Hz"
+            advice = f"give the rate as {rate}" if column.is_time else "leave it out"
             raise CsvImportError(f"{path}: column {column.name} has no number: {advice}")
     values, notes = without_stand_ins(values, columns, path)
     found.notes += notes
@@ -142,6 +139,38 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
             found.notes.append(f"column {time.name} is a counter that begins anew: counted on")
     table = CsvTable(path, values, lines_read, places, _complaints(found), own_instants, unit_given)
     return table if own_instants else _cut(table, columns)
+
+
+def _joined(path: Path, mapping: CsvMap, layout: Layout) -> CsvTable:
+    """Read channels with times of their own: each has its rows, unless all times are the same."""
+    channels = (*mapping.inputs, *mapping.outputs)
+    of_clock = dict(zip(channels, mapping.clocks, strict=True))
+    tables, places = [], []
+    for clock in dict.fromkeys(mapping.clocks):
+        inputs, outputs = (
+            tuple(each for each in group if of_clock[each] == clock)
+            for group in (mapping.inputs, mapping.outputs)
+        )
+        own = replace(mapping, inputs=inputs, outputs=outputs, time=clock, clocks=())
+        tables.append(read_table(path, own, layout))
+        places.append([0, *(1 + channels.index(each) for each in (*inputs, *outputs))])
+    first = tables[0]
+    same = all(np.array_equal(each.values[:, 0], first.values[:, 0]) for each in tables)
+    ends = np.cumsum([0, *(0 if same else len(each.values) for each in tables)])
+    values = np.full((max(ends[-1], len(first.values)), 1 + len(channels)), np.nan)
+    for start, table, place in zip(ends, tables, places, strict=False):
+        values[start : start + len(table.values), place] = table.values
+    lines = first.lines if same else np.concatenate([each.lines for each in tables])
+    order = np.argsort(values[:, 0], kind="stable")
+    return CsvTable(
+        path,
+        values[order],
+        lines[order],
+        first.places if same else np.arange(len(order)),
+        tuple(dict.fromkeys(note for each in tables for note in each.cut)),
+        own_instants=not same,
+        unit_given=all(each.unit_given for each in tables),
+    )
 
 
 @contextmanager
@@ -230,8 +259,7 @@ def _numbers(lines: Iterator[str], layout: Layout, columns: Sequence[Column], pa
     """Return the rows, of whatever a cell may hold."""
     none = np.empty(0, dtype=np.int64)
     found, mark = Rows([np.empty((0, len(columns)))], [none], [none]), ""
-    times = [column.place for column in columns if column.is_time]
-    numbered = _rows_of(lines, layout, times, found, path)
+    numbered = _rows_of(lines, layout, columns, found, path)
     while taken := list(islice(numbered, _BLOCK_ROWS)):
         block = [row for _, row in taken]
         mark = _decimal_mark(block, columns, path, mark)
@@ -242,10 +270,12 @@ def _numbers(lines: Iterator[str], layout: Layout, columns: Sequence[Column], pa
 
 
 def _rows_of(
-    lines: Iterator[str], layout: Layout, times: Sequence[int], found: Rows, path: Path
+    lines: Iterator[str], layout: Layout, columns: Sequence[Column], found: Rows, path: Path
 ) -> Iterator[tuple[int, Row]]:
     """Return the rows that have numbers, each with its place among those and empty ones."""
     place, names = -1, len(layout.names)
+    times = [column.place for column in columns if column.is_time]
+    wanted = [column.place for column in columns]
     # Those behind the last row are a footer, of which nobody needs to know.
     words: list[int] = []
     for line, row in layout.rows(lines, layout.first_line):
@@ -264,7 +294,7 @@ def _rows_of(
                 f"{path}, line {line}: it has {len(row)} cells, and the first line names "
                 f"{names}: give each column a name{commas}"
             )
-        if any(cells):
+        if any(cells[at] for at in wanted if at < len(cells)):
             yield place, (line, cells)
             found.words += words
             words.clear()

@@ -29,6 +29,10 @@ _LONG_HOLE = 5.0
 # Times are within a last digit of their line, with one more for a clock that jitters.
 _A_DIGIT, _TWO_DIGITS = 1.01, 2.01
 _MOST_DIGITS, _WHOLE = 7, 0.02
+_COUNTER = re.compile(
+    r"[\W_]*(k|n|i|x|nr|no|row|index|count(er)?|samples?|sequence|number)[\W_]*",
+    re.IGNORECASE,
+)
 # Nobody is asked for the unit of a few rows.
 _FEWEST = 50
 # Rigs are sampled below the first rate. Rates above the second need no question, those below the
@@ -167,22 +171,29 @@ def unit_question(
     """
     if table.unit_given or rate_hz > _FAST_HZ or len(table.values) < _FEWEST:
         return ()
-    words = " ".join(names)
+    words, times = " ".join(names), table.values[:, 0]
     fits = [
         unit
         for unit, s in _SMALLER_S.items()
         if _is_round(rate_hz / s) and _FAST_HZ < rate_hz / s < _FASTEST_HZ
     ]
     likely = " or ".join(fits or _SMALLER_S)
-    lasts_s = float(np.ptp(table.values[:, 0]))
+    lasts_s = float(np.ptp(times))
     advice = (
         f"column {column} gives {rate_hz:.4g} Hz over {_duration(lasts_s)} if its times are in s; "
         f"are they in {likely}? State it: --time '{column}:{fits[0] if fits else 'ms'}' or "
         f"--time '{column}:s' (time_unit in a map)"
     )
     is_slow_plant = _SLOW_PLANT.search(words) is not None
-    is_fast_plant = _FAST_PLANT.search(words) is not None and rate_hz < _SLOW_MOTOR_HZ
-    if not is_slow_plant and (is_fast_plant or (fits and not _is_chosen(1.0 / rate_hz))):
+    is_fast_plant = _FAST_PLANT.search(words) is not None
+    counts = abs(rate_hz - 1.0) < _ROUND and np.all(times == np.rint(times))
+    if counts and not is_slow_plant and (is_fast_plant or _COUNTER.fullmatch(column)):
+        raise CsvImportError(
+            f"{table.path}: column {column} counts the rows, or has whole seconds: give the rate "
+            f"as --time 200Hz, or its unit as --time '{column}:s' (rate_hz or time_unit in a map)"
+        )
+    is_too_slow = is_fast_plant and rate_hz < _SLOW_MOTOR_HZ
+    if not is_slow_plant and (is_too_slow or (fits and not _is_chosen(1.0 / rate_hz))):
         raise CsvImportError(f"{table.path}: {advice}")
     return () if is_slow_plant or rate_hz >= _SLOW_HZ else (advice,)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_bags.schema import foreign_topics
 from flexarm_core.errors import BagError
 
 if TYPE_CHECKING:
@@ -151,6 +152,12 @@ def _text_lists(columns: Mapping[str, Column], length: int) -> Iterator[list[Col
 def wrong_topic(bag: Bag, field: Field) -> BagError:
     """Return the error for a topic that a bag has not, with what it has."""
     near = _nearest(field.topic, list(bag.types))
+    if encoding := foreign_topics(bag.path).get(field.topic):
+        return BagError(
+            f"{bag.path}: {field.topic} is {encoding} and no topic of ROS 2: record it with `ros2 "
+            "bag record`, or export all numbers as CSV and identify that file; there are: "
+            f"{numbers_in(bag)}"
+        )
     return BagError(f"{bag.path}: no topic {field.topic}{near}; there are: {numbers_in(bag)}")
 
 
