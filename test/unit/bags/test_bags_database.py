@@ -1,4 +1,4 @@
-"""Files of SQLite that are no bags, or cut ones, are called so."""
+"""Files of SQLite that are not bags, or cut ones, are called so."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def written(file: Path, content: bytes) -> Path:
     ("make", "said"),
     [
         (lambda file: written(file, b""), "is empty: nothing was recorded"),
-        (lambda file: written(file, b"t,u,y\n" * 100), "is no SQLite file"),
+        (lambda file: written(file, b"t,u,y\n" * 100), "is not a SQLite file"),
         (lambda file: database(file, "readings"), "and no bag, .* tables: readings$"),
         (cut, r"is cut off, 20000 of its \d+ bytes are there: .* `sqlite3 FILE \.recover`"),
     ],

@@ -1,4 +1,4 @@
-"""SQLite files of bags: what one is that no reader opens."""
+"""SQLite files of bags: what they are where they are not bags."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TABLES = frozenset({"topics", "messages"})
 
 
 def require_database(file: Path) -> None:
-    """Refuse a file that is no bag of SQLite, or a part of one.
+    """Refuse a file that is not a bag of SQLite, or a part of one.
 
     The numbers of the header are those of "Database File Format", sqlite.org/fileformat2.html.
 
@@ -31,7 +31,7 @@ def require_database(file: Path) -> None:
     if not header:
         raise BagError(f"{file.name}: is empty: nothing was recorded into it")
     if not header.startswith(_MAGIC):
-        raise BagError(f"{file.name}: is no SQLite file, which a .db3 file of ROS 2 is")
+        raise BagError(f"{file.name}: is not a SQLite file, which a .db3 file of ROS 2 is")
     page = int.from_bytes(header[16:18], "big")
     stated = (1 << 16 if page == 1 else page) * int.from_bytes(header[28:32], "big")
     size = file.stat().st_size

@@ -168,8 +168,8 @@ def _only_time(path: Path, layout: Layout, taken: Sequence[str]) -> str:
         )
     if not free and _FREQUENCY.fullmatch(_ENDING.sub("", layout.names[0])):
         raise CsvImportError(
-            f"{path}: column {layout.names[0]} is no time but a frequency, as of a spectrum or a "
-            "frequency response: give the samples that it was made from"
+            f"{path}: column {layout.names[0]} is a frequency and not a time, as of a spectrum or "
+            "a frequency response: give the samples that it was made from"
         )
     problem = (
         f"{' and '.join(free)} are times"

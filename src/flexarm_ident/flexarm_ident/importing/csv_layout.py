@@ -10,7 +10,7 @@ import csv
 import re
 from collections import Counter
 from dataclasses import dataclass
-from itertools import count, islice, takewhile, zip_longest
+from itertools import count, islice, takewhile
 from typing import TYPE_CHECKING
 
 from flexarm_core.errors import reason
@@ -314,7 +314,7 @@ def _named_beside(rows: Sequence[Sequence[str]], width: int) -> list[str]:
 def _rate_hz(above: Sequence[str], separator: str) -> float:
     """Return the rate that lines above the rows say, Hz; 0 without one."""
     table = [_split(line, separator) for line in above]
-    for cells, below in zip_longest(table, table[1:], fillvalue=[]):
+    for cells, below in zip(table, [*table[1:], []], strict=False):
         line = (" " if separator == " " else "\t").join(cells)
         if found := _RATE.search(line):
             return number(found[1], decimal_mark(found[1])[0] or ".") * _PREFIXES[found[2].lower()]
