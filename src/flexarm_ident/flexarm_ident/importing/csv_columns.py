@@ -152,7 +152,7 @@ def _own_times(layout: Layout, time: str, channels: Sequence[str]) -> tuple[str,
     times = [name for name in layout.names if sign and name.partition("#")[0] == stem]
     places = [layout.names.index(name) for name in times]
     own = [bisect(places, layout.names.index(name)) for name in channels if name in layout.names]
-    return tuple(times[number - 1] for number in own) if own and min(own) > 0 else ()
+    return tuple(times[number - 1] for number in own) if own and 0 < min(own) < max(own) else ()
 
 
 def _only_time(path: Path, layout: Layout, taken: Sequence[str]) -> str:
