@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar, cast
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from numba import njit
+from numba.core.dispatcher import Dispatcher
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -17,6 +23,36 @@ def compiled(function: Function) -> Function:
     instructions.
     """
     try:
-        return cast("Function", njit(cache=True, error_model="numpy")(function))
+        kept = njit(cache=True, error_model="numpy")(function)
     except RuntimeError:
         return cast("Function", njit(error_model="numpy")(function))
+    _drop_outdated(kept)
+    return cast("Function", kept)
+
+
+def _drop_outdated(kept: Dispatcher) -> None:
+    """Remove what was kept before a file of a function that this one calls has changed.
+
+    The compiler looks at the function's own file alone, and its code holds that of the others: it
+    would go on with their former arrays, and write beyond the ends of those of today.
+    """
+    own = Path(kept.py_func.__code__.co_filename)
+    files = {Path(each.py_func.__code__.co_filename) for each in _called(kept)} - {own}
+    folder = kept.stats.cache_path
+    if not files or folder is None:
+        return
+    changed_ns = max(file.stat().st_mtime_ns for file in files)
+    for file in Path(folder).glob(f"{own.stem}.{kept.py_func.__qualname__}-*.nb[ic]"):
+        # Another process may have the same intent.
+        with suppress(FileNotFoundError):
+            if file.stat().st_mtime_ns <= changed_ns:
+                file.unlink()
+
+
+def _called(function: Dispatcher) -> Iterator[Dispatcher]:
+    """Yield the compiled functions that one calls, and those that they call."""
+    code, known = function.py_func.__code__, function.py_func.__globals__
+    for name in code.co_names:
+        if isinstance(called := known.get(name), Dispatcher) and called is not function:
+            yield called
+            yield from _called(called)
