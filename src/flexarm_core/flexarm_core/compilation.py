@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TypeVar, cast
 
 from numba import njit
 from numba.core.dispatcher import Dispatcher
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -49,10 +46,14 @@ def _drop_outdated(kept: Dispatcher) -> None:
                 file.unlink()
 
 
-def _called(function: Dispatcher) -> Iterator[Dispatcher]:
-    """Yield the compiled functions that one calls, and those that they call."""
-    code, known = function.py_func.__code__, function.py_func.__globals__
-    for name in code.co_names:
-        if isinstance(called := known.get(name), Dispatcher) and called is not function:
-            yield called
-            yield from _called(called)
+def _called(function: Dispatcher) -> set[Dispatcher]:
+    """Return a compiled function, those that it calls, and those that they call."""
+    found: set[Dispatcher] = set()
+    left = [function]
+    while left:
+        one = left.pop()
+        if one not in found:
+            found.add(one)
+            known = [one.py_func.__globals__.get(name) for name in one.py_func.__code__.co_names]
+            left += [each for each in known if isinstance(each, Dispatcher)]
+    return found

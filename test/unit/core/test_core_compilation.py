@@ -3,11 +3,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from numba import njit
 from numba.core.caching import CacheImpl
 
-from flexarm_core.compilation import compiled
+from flexarm_core.compilation import _called, compiled
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,6 +27,16 @@ def test_compiling___with_no_place_for_a_cache___goes_without(
         return 2.0 * value
 
     assert compiled(double)(2.5) == 5.0
+
+
+def test_compiled_functions___that_call_each_other___are_called_by_another() -> None:
+    names: dict[str, Any] = {}
+    for one, other in (("even", "odd"), ("odd", "even"), ("outer", "even")):
+        source = f"def {one}(k):\n    return {other}(k - 1) if k else 0\n"
+        exec(source, names)  # noqa: S102 - each finds the others in one module
+        names[one] = njit(names[one])
+
+    assert _called(names["outer"]) == {names[each] for each in ("even", "odd", "outer")}
 
 
 def test_compiled_function___that_it_calls_in_another_file_has_changed___is_compiled_anew(
